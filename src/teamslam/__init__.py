@@ -1,0 +1,1 @@
+"""teamslam: several robots, one map."""

@@ -1,0 +1,53 @@
+"""The nouns: what was seen (`Dataset`, `Table`), what is believed (`Values`, `Submap`), and what they are called."""
+
+from teamslam.model.dataset import Dataset, Dropped
+from teamslam.model.keys import (
+    WORLD,
+    Names,
+    index_of,
+    is_landmark,
+    is_pose,
+    landmark_key,
+    landmark_number,
+    pose_key,
+    robot_of,
+)
+from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
+from teamslam.model.sensors import MODELS, Model, direction_basis
+from teamslam.model.submap import Sources, Stretch, Submap
+from teamslam.model.tables import Table, whitening
+from teamslam.model.values import Kind, Layout, Values, pack, point_kind, pose_kind, rows_of, unpack
+
+__all__ = [
+    "LOSSES",
+    "MODELS",
+    "SQUARED",
+    "WORLD",
+    "Dataset",
+    "Dropped",
+    "Kind",
+    "Layout",
+    "Loss",
+    "LossFunction",
+    "Model",
+    "Names",
+    "Sources",
+    "Stretch",
+    "Submap",
+    "Table",
+    "Values",
+    "direction_basis",
+    "index_of",
+    "is_landmark",
+    "is_pose",
+    "landmark_key",
+    "landmark_number",
+    "pack",
+    "point_kind",
+    "pose_key",
+    "pose_kind",
+    "robot_of",
+    "rows_of",
+    "unpack",
+    "whitening",
+]

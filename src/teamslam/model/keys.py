@@ -1,0 +1,124 @@
+"""Names of variables: one 64-bit integer for each robot pose and each landmark.
+
+    key = robot << 51 | index          a pose:     robot 1 .. 4095, index = time in ticks (or a plain count)
+    key = number                       a landmark: 0 <= number < 2^51
+
+A variable is named by who it is and when, never by its place in a vector: the pose of robot j at time t that robot i
+saw and the one in j's own submap are two images of one variable, and carry one key. Ticks of a microsecond last until
+2041. `WORLD` names the frame of absolute measurements (a surveyed or GPS frame).
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import AnyArray, BoolArray, IntArray
+
+INDEX_BITS = 51
+MAX_INDEX = (1 << INDEX_BITS) - 1
+MAX_ROBOT = (1 << 12) - 1
+WORLD = -1
+
+
+def pose_key(robot: int | AnyArray, index: int | AnyArray) -> IntArray:
+    """Keys of a robot's poses; robot 1..4095, index 0..2^51-1, any shapes that broadcast. Raises ModelError outside."""
+    robots, indices = np.asarray(robot, np.int64), np.asarray(index, np.int64)
+    if robots.size and (robots.min() < 1 or robots.max() > MAX_ROBOT):
+        raise ModelError(f"robot numbers run from 1 to {MAX_ROBOT}, found {robots.min()} to {robots.max()}")
+    if indices.size and (indices.min() < 0 or indices.max() > MAX_INDEX):
+        raise ModelError(f"pose indices (ticks) run from 0 to 2^51 - 1, found {indices.min()} to {indices.max()}")
+    return np.asarray(robots << INDEX_BITS | indices)
+
+
+def landmark_key(number: int | AnyArray) -> IntArray:
+    """Keys of landmarks: their numbers, 0..2^51-1. Raises ModelError outside."""
+    numbers = np.asarray(number, np.int64)
+    if numbers.size and (numbers.min() < 0 or numbers.max() > MAX_INDEX):
+        raise ModelError(f"landmark numbers run from 0 to 2^51 - 1, found {numbers.min()} to {numbers.max()}")
+    return numbers
+
+
+def landmark_number(name: str) -> int:
+    """The number of a landmark that people call `name`: the integer itself where it is one, else a hash of the name.
+
+    The hash (2^50 and above) is the same on every machine, so robots agree on it without talking.
+    """
+    text = name.strip()
+    if text.isascii() and text.isdigit() and int(text) < 1 << (INDEX_BITS - 1):
+        return int(text)
+    digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
+    return (1 << (INDEX_BITS - 1)) | (int.from_bytes(digest, "little") & ((1 << (INDEX_BITS - 1)) - 1))
+
+
+def robot_of(keys: int | AnyArray) -> IntArray:
+    """The robot number of pose keys; 0 for landmarks, -1 for WORLD."""
+    return np.asarray(np.asarray(keys, np.int64) >> INDEX_BITS)
+
+
+def index_of(keys: int | AnyArray) -> IntArray:
+    """The tick or count of pose keys; the number of landmarks."""
+    return np.asarray(np.asarray(keys, np.int64) & MAX_INDEX)
+
+
+def is_pose(keys: int | AnyArray) -> BoolArray:
+    """True where a key names a robot's pose."""
+    return np.asarray(robot_of(keys) > 0)
+
+
+def is_landmark(keys: int | AnyArray) -> BoolArray:
+    """True where a key names a landmark."""
+    return np.asarray(robot_of(keys) == 0)
+
+
+@dataclass(frozen=True)
+class Names:
+    """What people call robots and landmarks, and how long a tick is.
+
+    `tick_s` [s] turns a pose's index into its stamp: 1e-6 for stamped logs, 1.0 where poses are only counted.
+    Numbers without an entry are called by their number.
+    """
+
+    robots: Mapping[int, str] = field(default_factory=dict)
+    landmarks: Mapping[int, str] = field(default_factory=dict)
+    tick_s: float = 1e-6
+
+    def robot(self, number: int) -> str:
+        """What people call a robot."""
+        return self.robots.get(int(number), str(int(number)))
+
+    def landmark(self, number: int) -> str:
+        """What people call a landmark."""
+        return self.landmarks.get(int(number), str(int(number)))
+
+    def stamps_s(self, keys: AnyArray) -> AnyArray:
+        """The stamps [s] of pose keys."""
+        return index_of(keys) * self.tick_s
+
+    def describe(self, key: int) -> str:
+        """A variable in words: 'robot 3 at 12.350 s', 'landmark 17'."""
+        if key == WORLD:
+            return "the world frame"
+        if not is_pose(key):
+            return f"landmark {self.landmark(int(index_of(key)))}"
+        when = f"{int(index_of(key)) * self.tick_s:.3f} s" if self.tick_s != 1.0 else f"pose {int(index_of(key))}"
+        return f"robot {self.robot(int(robot_of(key)))} at {when}"
+
+    def merge(self, others: Iterable["Names"]) -> "Names":
+        """The names of several logs together. Raises ModelError where they contradict each other."""
+        robots, landmarks = dict(self.robots), dict(self.landmarks)
+        for other in others:
+            if other.tick_s != self.tick_s:
+                raise ModelError(
+                    f"two logs count time differently: a tick of {self.tick_s} s and one of {other.tick_s} s"
+                )
+            for mine, theirs, noun in ((robots, other.robots, "robot"), (landmarks, other.landmarks, "landmark")):
+                for number, name in theirs.items():
+                    if mine.setdefault(number, name) != name:
+                        raise ModelError(
+                            f"{noun} number {number} is called '{mine[number]}' in one log and '{name}' in another; "
+                            f"give every {noun} one number for the whole team"
+                        )
+        return Names(robots, landmarks, self.tick_s)

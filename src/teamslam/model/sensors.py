@@ -1,0 +1,146 @@
+"""MODELS: what sensors report, by name. Adding a sensor is adding a row.
+
+A row predicts the measurement h from the observer's pose and the target, and says how two measurements differ, so that
+every residual is e = z (-) h. The observer is the sensor: body pose @ sensor pose. Everything else (Jacobians, robust
+losses, simulation, start values) follows from these two functions; the built-in rows also run natively in the kernel.
+
+| model         | keys            | a measurement z                                    | residual              |
+|---------------|-----------------|----------------------------------------------------|-----------------------|
+| relative_pose | pose, pose      | T (d), R row-major (d*d) of target in observer     | [zT - hT; Log(hR'zR)] |
+| point         | pose, any       | position (d) of the target in the observer's frame | z - h                 |
+| range         | pose, any       | distance (1)                                       | z - h                 |
+| bearing       | pose, any       | plane: angle (1); space: unit vector (3)           | wrapped; sphere's Log |
+| range_bearing | pose, any       | range, then bearing                                | both                  |
+| position      | any             | position (d) in the world frame                    | z - h                 |
+| pose          | pose            | pose in the world frame, as relative_pose          | as relative_pose      |
+
+Equations (3)-(5) of the paper with the corrections of the theory page: R is transposed, the rotation enters as the
+vector Log and with the sign of z (-) h. "any" is a landmark or a robot's pose, whose position is meant.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.geometry import Array, Pose
+from teamslam.model.values import pack
+
+Target = Pose | Array
+
+
+@dataclass(frozen=True)
+class Model:
+    """One row of MODELS.
+
+    `predict(observer, target)` gives h (m, size) from Poses (m,) and Poses or points; `minus(z, h)` gives e (m, rows).
+    `size` and `rows` are indexed by the dimension 2 or 3 of the measurement. `unary` models have no observer but the
+    world (the predicted pose or position is that of the target). `native` is the kernel's name for it, if it has one.
+    """
+
+    predict: Callable[[Pose, Target, int], Array]
+    minus: Callable[[Array, Array, int], Array]
+    size: tuple[int, int]
+    rows: tuple[int, int]
+    unary: bool = False
+    targets_pose: bool = False
+    native: bool = False
+
+    def z_size(self, dim: int) -> int:
+        """Numbers in one measurement of dimension 2 or 3."""
+        return self.size[dim - 2]
+
+    def residual_rows(self, dim: int) -> int:
+        """Rows in one residual of dimension 2 or 3."""
+        return self.rows[dim - 2]
+
+
+def position(target: Target, dim: int) -> Array:
+    """Where a target is, (m, dim): a point, or the place of a pose."""
+    return (target.translation if isinstance(target, Pose) else target)[..., :dim]
+
+
+def pose_of(z: Array, dim: int) -> Pose:
+    """A measured pose (m, size) as a Pose."""
+    return Pose(z[..., dim:].reshape(*z.shape[:-1], dim, dim), z[..., :dim])
+
+
+def direction_basis(direction: Array) -> Array:
+    """Two unit tangents at unit vectors (m, 3) -> (m, 3, 2): towards rising azimuth, towards rising elevation.
+
+    Within a hair of the poles, where azimuth has no meaning, the first tangent is that of the x axis.
+    """
+    x, y = direction[..., 0], direction[..., 1]
+    flat = np.hypot(x, y)
+    pole = flat < 1e-9
+    safe = np.where(pole, 1.0, flat)
+    east = np.stack([np.where(pole, 0.0, -y / safe), np.where(pole, 1.0, x / safe), np.zeros_like(x)], -1)
+    return np.stack([east, np.cross(direction, east)], -1)
+
+
+def _relative_pose(observer: Pose, target: Target, dim: int) -> Array:
+    assert isinstance(target, Pose)
+    return pack(observer.between(target))
+
+
+def _minus_pose(z: Array, h: Array, dim: int) -> Array:
+    return pose_of(z, dim).minus(pose_of(h, dim))
+
+
+def _point(observer: Pose, target: Target, dim: int) -> Array:
+    full = observer.dim
+    return np.asarray(observer.unact(position(target, full))[..., :dim])
+
+
+def _range(observer: Pose, target: Target, dim: int) -> Array:
+    return np.linalg.norm(_point(observer, target, dim), axis=-1, keepdims=True)
+
+
+def _bearing(observer: Pose, target: Target, dim: int) -> Array:
+    h = _point(observer, target, dim)
+    if dim == 2:
+        return np.asarray(np.arctan2(h[..., 1], h[..., 0]))[..., None]
+    return np.asarray(h / np.linalg.norm(h, axis=-1, keepdims=True))
+
+
+def _minus_bearing(z: Array, h: Array, dim: int) -> Array:
+    if dim == 2:
+        return np.asarray((z - h + np.pi) % (2.0 * np.pi) - np.pi)
+    across = np.swapaxes(direction_basis(z), -1, -2) @ h[..., None]  # B(z)' h
+    sine = np.linalg.norm(across[..., 0], axis=-1)
+    cosine = np.sum(z * h, -1)
+    angle = np.arctan2(sine, cosine)
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)
+    return np.asarray(-scale[..., None] * across[..., 0])
+
+
+def _range_bearing(observer: Pose, target: Target, dim: int) -> Array:
+    return np.concatenate([_range(observer, target, dim), _bearing(observer, target, dim)], -1)
+
+
+def _minus_range_bearing(z: Array, h: Array, dim: int) -> Array:
+    return np.concatenate([z[..., :1] - h[..., :1], _minus_bearing(z[..., 1:], h[..., 1:], dim)], -1)
+
+
+def _difference(z: Array, h: Array, dim: int) -> Array:
+    return z - h
+
+
+def _position(observer: Pose, target: Target, dim: int) -> Array:
+    return position(target, dim)
+
+
+def _pose(observer: Pose, target: Target, dim: int) -> Array:
+    assert isinstance(target, Pose)
+    return pack(target.lift(dim))
+
+
+MODELS: dict[str, Model] = {
+    "relative_pose": Model(_relative_pose, _minus_pose, (6, 12), (3, 6), targets_pose=True, native=True),
+    "point": Model(_point, _difference, (2, 3), (2, 3), native=True),
+    "range": Model(_range, _difference, (1, 1), (1, 1), native=True),
+    "bearing": Model(_bearing, _minus_bearing, (1, 3), (1, 2), native=True),
+    "range_bearing": Model(_range_bearing, _minus_range_bearing, (2, 4), (2, 3), native=True),
+    "position": Model(_position, _difference, (2, 3), (2, 3), unary=True, native=True),
+    "pose": Model(_pose, _minus_pose, (6, 12), (3, 6), unary=True, targets_pose=True, native=True),
+}

@@ -1,0 +1,151 @@
+"""A submap: a robot's own map of a stretch of its way, as one big measurement.
+
+The estimate S^ (paper, eq. 1) is written in the frame of the base pose, which is not among its variables; the
+information I_S = J' W J (eq. 9) is over the estimate's unknowns in the mixed chart. Joining submaps gives a submap
+again, so this is also what a finished map is. `sources` says which rows of whose log went in, so that nothing is ever
+counted twice.
+
+The information matrix, not its triangular root, is what is kept: it is sparse where the measurements are, while the
+root fills in; `square_root` gives the triangle where one is wanted.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam.errors import ModelError
+from teamslam.geometry import AnyArray, Array, IntArray, Pose
+from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
+from teamslam.model.tables import Table
+from teamslam.model.values import Values, pose_kind
+
+
+@dataclass(frozen=True, order=True)
+class Stretch:
+    """Rows start..stop (stop not included) of one robot's log of one source ('odometry', 'landmarks', ...)."""
+
+    robot: int
+    source: str
+    start: int
+    stop: int
+
+
+class Sources(frozenset[Stretch]):
+    """Which rows of which logs: a set of disjoint stretches."""
+
+    @classmethod
+    def of(cls, tables: Iterable[Table]) -> "Sources":
+        """The rows that some tables hold."""
+        found: list[Stretch] = []
+        for table in tables:
+            ids = np.sort(table.ids)
+            for run in np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1):
+                if len(run):
+                    found.append(Stretch(table.robot, table.source, int(run[0]), int(run[-1]) + 1))
+        return cls(found)
+
+    def overlap(self, other: "Sources") -> Stretch | None:
+        """A stretch that stands in both, or None: what would be counted twice."""
+        mine: dict[tuple[int, str], list[Stretch]] = {}
+        for stretch in sorted(self):
+            mine.setdefault((stretch.robot, stretch.source), []).append(stretch)
+        for theirs in sorted(other):
+            for stretch in mine.get((theirs.robot, theirs.source), ()):
+                start, stop = max(stretch.start, theirs.start), min(stretch.stop, theirs.stop)
+                if start < stop:
+                    return Stretch(theirs.robot, theirs.source, start, stop)
+        return None
+
+    def merge(self, *others: "Sources") -> "Sources":
+        """All rows of several disjoint sets, neighbouring stretches made one."""
+        merged: list[Stretch] = []
+        for stretch in sorted(self.union(*others)):
+            last = merged[-1] if merged else None
+            if last and (last.robot, last.source, last.stop) == (stretch.robot, stretch.source, stretch.start):
+                merged[-1] = replace(last, stop=stretch.stop)
+            else:
+                merged.append(stretch)
+        return Sources(merged)
+
+
+@dataclass(frozen=True, eq=False)
+class Submap:
+    """An estimate with its information, in the frame of its base pose.
+
+    `id` and `version`: a newer version of the same id replaces the older. `base`: the key of the pose that is the frame
+    (WORLD for surveyed frames), of dimension `base_dim`; not among `values`. `information`: symmetric, sparse,
+    (values.layout.dof, values.layout.dof), in the order of the layout's unknowns. `cost` is what the measurements
+    inside it cost at its optimum (sum of losses, no factor 1/2); `chi2` their squared whitened residuals; `rows` their
+    number.
+    """
+
+    id: str
+    version: int
+    base: int
+    base_dim: int
+    values: Values
+    information: sp.csr_array
+    sources: Sources
+    names: Names = field(default_factory=Names)
+    cost: float = 0.0
+    chi2: float = 0.0
+    rows: int = 0
+
+    def __post_init__(self) -> None:
+        n = self.values.layout.dof
+        if self.information.shape != (n, n):
+            raise ModelError(
+                f"submap {self.id}: {n} unknowns need an information matrix ({n}, {n}), found {self.information.shape}"
+            )
+        if self.values.layout.contains(self.base):
+            raise ModelError(
+                f"submap {self.id}: its base, {self.names.describe(self.base)}, is its frame, not a variable"
+            )
+
+    @property
+    def dof(self) -> int:
+        """Unknowns."""
+        return self.values.layout.dof
+
+    @property
+    def keys(self) -> IntArray:
+        """The variables, the base pose included, sorted."""
+        return np.sort(np.append(self.values.layout.keys, self.base))
+
+    @property
+    def robots(self) -> tuple[int, ...]:
+        """The robots whose measurements it holds."""
+        return tuple(sorted({stretch.robot for stretch in self.sources}))
+
+    @cached_property
+    def all_values(self) -> Values:
+        """The estimate with the base pose itself, which is the identity."""
+        base = Values.of({pose_kind(self.base_dim): (np.array([self.base]), Pose.identity(self.base_dim, (1,)))})
+        return base.update(self.values)
+
+    def trajectory_keys(self, robot: int) -> IntArray:
+        """The keys of one robot's poses in time order, the base among them where it is the robot's."""
+        keys = self.keys
+        return np.asarray(keys[is_pose(keys) & (robot_of(keys) == robot)])
+
+    @property
+    def landmark_keys(self) -> IntArray:
+        """The keys of its landmarks."""
+        keys = self.keys
+        return np.asarray(keys[is_landmark(keys) & (keys != WORLD)])
+
+    @cached_property
+    def square_root(self) -> Array:
+        """R upper triangular with information = R'R (dense). Raises ModelError where the information is indefinite."""
+        try:
+            return np.linalg.cholesky(self.information.toarray()).T
+        except np.linalg.LinAlgError:
+            raise ModelError(f"submap {self.id}: its information matrix is not positive definite") from None
+
+    def information_of(self, keys: AnyArray) -> Array:
+        """The block of the information matrix over some variables (the others held fixed), dense."""
+        at = self.values.layout.unknowns(keys)
+        return np.asarray(self.information[at][:, at].toarray())

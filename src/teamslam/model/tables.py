@@ -1,0 +1,142 @@
+"""Measurements are tables: many sightings of one kind by one robot, with their noise.
+
+Noise is a whitening matrix W with covariance^-1 = W'W, one for each row or one for all. A table knows who measured
+(`robot`), what it is called (`source`), which rows of the robot's log these are (`ids`), and which sensor saw it:
+`sensor` is the sensor's pose in the observer's body.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import AnyArray, Array, IntArray, Pose
+from teamslam.model.keys import is_pose, robot_of
+from teamslam.model.losses import SQUARED, Loss
+from teamslam.model.sensors import MODELS, Model
+from teamslam.model.values import Values
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """m sightings of one model by one robot.
+
+    `keys` (m, 2) observer then target (m, 1 for `position` and `pose`); `values` (m, size) as MODELS says; `whitening`
+    (m, rows, rows) or (1, rows, rows); `dim` of the measurement; `ids` (m,) number the rows of this robot's log of this
+    `source` ('odometry', 'landmarks', 'robots', ...), so that no sighting is ever counted twice.
+    Raises ModelError where shapes, keys or numbers do not fit.
+    """
+
+    robot: int
+    source: str
+    model: str
+    dim: int
+    keys: IntArray
+    values: Array
+    whitening: Array
+    ids: IntArray
+    sensor: Pose | None = None
+    loss: Loss = SQUARED
+
+    def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            raise ModelError(f"unknown model '{self.model}'; known are {', '.join(MODELS)}")
+        if self.dim not in (2, 3):
+            raise ModelError(f"a measurement lives in the plane (2) or in space (3), found dimension {self.dim}")
+        m, row = len(self.keys), self.row
+        size, rows = row.z_size(self.dim), row.residual_rows(self.dim)
+        expected: dict[str, tuple[tuple[int, ...], list[tuple[int, ...]]]] = {
+            "keys": (self.keys.shape, [(m, 1 if row.unary else 2)]),
+            "values": (self.values.shape, [(m, size)]),
+            "whitening": (self.whitening.shape, [(m, rows, rows), (1, rows, rows)]),
+            "ids": (self.ids.shape, [(m,)]),
+        }
+        for name, (found, allowed) in expected.items():
+            if found not in allowed:
+                wanted = " or ".join(map(str, allowed))
+                raise ModelError(f"{self.source} ({self.model}): {name} should have shape {wanted}, found {found}")
+        for name, numbers in (("values", self.values), ("whitening", self.whitening)):
+            if not np.isfinite(numbers).all():
+                raise ModelError(f"{self.source} ({self.model}): {name} hold a number that is not finite")
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    @property
+    def row(self) -> Model:
+        """The row of MODELS."""
+        return MODELS[self.model]
+
+    @property
+    def dof(self) -> int:
+        """Numbers measured in all: rows of the residual."""
+        return len(self) * self.row.residual_rows(self.dim)
+
+    def select(self, index: AnyArray) -> "Table":
+        """The rows at a mask or index."""
+        whitening = self.whitening if len(self.whitening) == 1 else self.whitening[index]
+        if len(self) == 1 and len(self.whitening) == 1:
+            whitening = self.whitening
+        return replace(self, keys=self.keys[index], values=self.values[index], whitening=whitening, ids=self.ids[index])
+
+    def with_loss(self, loss: Loss) -> "Table":
+        """The same sightings under another loss."""
+        return replace(self, loss=loss)
+
+    def predict(self, values: Values) -> Array:
+        """What should have been measured, h (m, size), were `values` the truth (world frame of `values`)."""
+        dim = max([self.dim, *(int(k) % 2 + 2 for k in np.unique(values.layout.kinds[values.layout.index(self.keys)]))])
+        target: Pose | Array
+        if self.row.targets_pose:
+            target = values.poses_of(self.keys[:, -1], dim)
+        else:
+            target = values.positions(self.keys[:, -1], dim)
+        if self.row.unary:
+            return self.row.predict(Pose.identity(dim, (len(self),)), target, self.dim)
+        observer = values.poses_of(self.keys[:, 0], dim)
+        if self.sensor is not None:
+            observer = observer @ self.sensor.lift(dim)
+            if observer.dim > dim and not isinstance(target, Pose):
+                target = values.positions(self.keys[:, -1], observer.dim)
+        return self.row.predict(observer, target, self.dim)
+
+    def residual(self, values: Values) -> Array:
+        """e = z (-) h (m, rows), in the measurement's own units."""
+        return self.row.minus(self.values, self.predict(values), self.dim)
+
+    def whitened(self, values: Values) -> Array:
+        """W e (m, rows), in sigmas."""
+        return np.asarray((self.whitening @ self.residual(values)[..., None])[..., 0])
+
+    @property
+    def observes_robots(self) -> bool:
+        """True where another robot is the target of every row."""
+        targets = self.keys[:, -1]
+        return bool(len(targets) and (is_pose(targets) & (robot_of(targets) != self.robot)).all())
+
+
+def whitening(covariance: Array) -> Array:
+    """W (..., r, r) with covariance^-1 = W'W: the inverse of the lower Cholesky factor.
+
+    Law: W covariance W' = 1. Raises ModelError for a covariance that is not finite, symmetric and positive definite,
+    naming the first row at fault.
+    """
+    c = np.asarray(covariance, float)
+    flat = c.reshape(-1, *c.shape[-2:])
+    if not np.isfinite(flat).all():
+        bad = int(np.flatnonzero(~np.isfinite(flat).all((1, 2)))[0])
+        raise ModelError(f"covariance {bad} holds a number that is not finite")
+    swapped = np.swapaxes(flat, -1, -2)
+    scale = np.abs(flat).max((1, 2), initial=0.0)
+    lopsided = np.abs(flat - swapped).max((1, 2), initial=0.0) > 1e-6 * scale
+    if lopsided.any():
+        raise ModelError(f"covariance {int(np.flatnonzero(lopsided)[0])} is not symmetric")
+    eigenvalues = np.linalg.eigvalsh(0.5 * (flat + swapped))
+    indefinite = eigenvalues[:, 0] <= 1e-14 * np.maximum(eigenvalues[:, -1], 1e-300)
+    if indefinite.any():
+        bad = int(np.flatnonzero(indefinite)[0])
+        raise ModelError(
+            f"covariance {bad} is not positive definite (smallest eigenvalue {eigenvalues[bad, 0]:.3g}); "
+            f"variances must be above zero and correlations below one"
+        )
+    return np.linalg.inv(np.linalg.cholesky(0.5 * (flat + swapped))).reshape(c.shape)

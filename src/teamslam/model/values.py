@@ -1,0 +1,337 @@
+"""What is believed: an estimate of many variables, as one flat vector with a layout.
+
+A `Layout` says which variables there are, of which kind, in which order (by kind, then by key). `Values` is a layout
+with numbers. The state vector holds poses as T then R (row-major) and points as they are, so that the native kernel and
+numpy read the same memory.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
+
+
+class Kind(IntEnum):
+    """The kinds of variables; the numbers are those of the native kernel."""
+
+    POSE2 = 0
+    POSE3 = 1
+    POINT2 = 2
+    POINT3 = 3
+
+    @property
+    def dim(self) -> int:
+        """Of the space it lives in."""
+        return 2 + self % 2
+
+    @property
+    def is_pose(self) -> bool:
+        """A pose, not a point."""
+        return self < 2
+
+    @property
+    def dof(self) -> int:
+        """Unknowns (tangent dimension)."""
+        return int(KIND_DOF[self])
+
+    @property
+    def size(self) -> int:
+        """Numbers in the state vector."""
+        return int(KIND_SIZE[self])
+
+
+KIND_DOF = np.array([3, 6, 2, 3])
+KIND_SIZE = np.array([6, 12, 2, 3])
+
+
+def pose_kind(dim: int) -> Kind:
+    """POSE2 or POSE3."""
+    return Kind(dim - 2)
+
+
+def point_kind(dim: int) -> Kind:
+    """POINT2 or POINT3."""
+    return Kind(dim)
+
+
+def rows_of(starts: IntArray, lengths: IntArray) -> IntArray:
+    """The indices start..start+length of several stretches, one after another."""
+    if len(starts) == 0:
+        return np.zeros(0, np.int64)
+    ends = np.cumsum(lengths)
+    return np.asarray(np.arange(ends[-1]) + np.repeat(starts - (ends - lengths), lengths))
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which variables, of which kind, in which order: sorted by kind, then by key. Keys are unique."""
+
+    keys: IntArray  # (n,)
+    kinds: IntArray  # (n,)
+
+    def __post_init__(self) -> None:
+        if self.keys.shape != self.kinds.shape or self.keys.ndim != 1:
+            raise ModelError(f"a layout needs keys (n,) and kinds (n,), found {self.keys.shape} and {self.kinds.shape}")
+        later = (self.kinds[1:] > self.kinds[:-1]) | (
+            (self.kinds[1:] == self.kinds[:-1]) & (self.keys[1:] > self.keys[:-1])
+        )
+        if not later.all():
+            raise ModelError("a layout is sorted by kind and key; use Layout.of to make one from any order")
+        if len(self.keys) > 1 and (np.diff(self._sorted) == 0).any():
+            twice = int(self._sorted[:-1][np.diff(self._sorted) == 0][0])
+            raise ModelError(f"variable {twice} appears as two kinds")
+
+    @classmethod
+    def of(cls, keys: AnyArray, kinds: AnyArray) -> "Layout":
+        """The layout of variables given in any order, repetition allowed."""
+        keys, kinds = np.asarray(keys, np.int64), np.asarray(kinds, np.int64)
+        pairs = np.unique(np.stack([kinds, keys], -1), axis=0) if len(keys) else np.zeros((0, 2), np.int64)
+        return cls(np.ascontiguousarray(pairs[:, 1]), np.ascontiguousarray(pairs[:, 0]))
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    @cached_property
+    def _order(self) -> IntArray:
+        return np.argsort(self.keys, kind="stable")
+
+    @cached_property
+    def _sorted(self) -> IntArray:
+        return self.keys[self._order]
+
+    @cached_property
+    def dofs(self) -> IntArray:
+        """Unknowns per variable (n,)."""
+        return np.asarray(KIND_DOF[self.kinds])
+
+    @cached_property
+    def dof_start(self) -> IntArray:
+        """First unknown of each variable, and the total: (n + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.dofs)])
+
+    @cached_property
+    def state_start(self) -> IntArray:
+        """First number of each variable in the state vector, and the total: (n + 1,)."""
+        return np.concatenate([[0], np.cumsum(KIND_SIZE[self.kinds])])
+
+    @property
+    def dof(self) -> int:
+        """Unknowns in all."""
+        return int(self.dof_start[-1])
+
+    def contains(self, keys: int | AnyArray) -> BoolArray:
+        """True where a key is among the variables; shape of `keys`."""
+        keys = np.asarray(keys, np.int64)
+        if not len(self):
+            return np.zeros(keys.shape, bool)
+        at = np.minimum(np.searchsorted(self._sorted, keys), len(self) - 1)
+        return np.asarray(self._sorted[at] == keys)
+
+    def index(self, keys: int | AnyArray) -> IntArray:
+        """The places of keys in the layout, shape of `keys`. Raises ModelError for a key that is not there."""
+        keys = np.asarray(keys, np.int64)
+        there = self.contains(keys)
+        if not there.all():
+            raise ModelError(f"variable {int(keys[~there].flat[0])} is not among the {len(self)} of this layout")
+        if keys.size == 0:
+            return np.zeros(keys.shape, np.int64)
+        return np.asarray(self._order[np.searchsorted(self._sorted, keys)])
+
+    def unknowns(self, keys: AnyArray) -> IntArray:
+        """The unknowns (columns of the tangent) of some variables, in the order of `keys`."""
+        at = self.index(keys).ravel()
+        return rows_of(self.dof_start[at], self.dofs[at])
+
+    def stretch(self, kind: Kind) -> slice:
+        """The places of all variables of one kind."""
+        return slice(int(np.searchsorted(self.kinds, kind)), int(np.searchsorted(self.kinds, kind, "right")))
+
+    def keys_of(self, kind: Kind) -> IntArray:
+        """The keys of one kind, rising."""
+        return self.keys[self.stretch(kind)]
+
+    def select(self, mask: BoolArray) -> "Layout":
+        """The layout of the variables where mask (n,) is true."""
+        return Layout(self.keys[mask], self.kinds[mask])
+
+    def union(self, *others: "Layout") -> "Layout":
+        """All variables of several layouts. Raises ModelError where one key has two kinds."""
+        layouts = (self, *others)
+        return Layout.of(np.concatenate([x.keys for x in layouts]), np.concatenate([x.kinds for x in layouts]))
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """An estimate: a layout and its state vector. All frames alike: the one that the owner states."""
+
+    layout: Layout
+    state: Array  # (layout.state_start[-1],)
+
+    def __post_init__(self) -> None:
+        if self.state.shape != (int(self.layout.state_start[-1]),):
+            raise ModelError(f"the layout needs {int(self.layout.state_start[-1])} numbers, found {self.state.shape}")
+
+    @classmethod
+    def of(cls, parts: dict[Kind, tuple[IntArray, Pose | Array]]) -> "Values":
+        """Values from keys (n,) and Poses or points (n, d) per kind, in any order of keys."""
+        keys, kinds, states = [], [], []
+        for kind in sorted(parts):
+            part_keys, data = parts[kind]
+            order = np.argsort(part_keys, kind="stable")
+            keys.append(np.asarray(part_keys, np.int64)[order])
+            kinds.append(np.full(len(part_keys), int(kind)))
+            flat = pack(data)
+            if flat.shape != (len(part_keys), kind.size):
+                raise ModelError(f"{kind.name} needs {len(part_keys)} rows of {kind.size} numbers, found {flat.shape}")
+            states.append(flat[order].ravel())
+        if not keys:
+            return cls(Layout(np.zeros(0, np.int64), np.zeros(0, np.int64)), np.zeros(0))
+        return cls(Layout(np.concatenate(keys), np.concatenate(kinds)), np.concatenate(states))
+
+    def __len__(self) -> int:
+        return len(self.layout)
+
+    def table(self, kind: Kind) -> Array:
+        """The raw rows (n, size) of one kind: a view."""
+        at = self.layout.stretch(kind)
+        return self.state[self.layout.state_start[at.start] : self.layout.state_start[at.stop]].reshape(-1, kind.size)
+
+    def of_kind(self, kind: Kind) -> Pose | Array:
+        """All variables of one kind, in key order: Pose (n,) or points (n, d)."""
+        return unpack(self.table(kind), kind)
+
+    def parts(self) -> Iterator[tuple[Kind, IntArray, Pose | Array]]:
+        """Each kind that occurs, with its keys and its Poses or points."""
+        for kind in Kind:
+            if len(keys := self.layout.keys_of(kind)):
+                yield kind, keys, self.of_kind(kind)
+
+    def gather(self, keys: AnyArray, kind: Kind) -> Pose | Array:
+        """Variables of one kind by key, any batch shape of keys."""
+        starts = self.layout.state_start[self.layout.index(keys)]
+        return unpack(self.state[starts[..., None] + np.arange(kind.size)], kind)
+
+    def pose(self, key: int) -> Pose:
+        """One pose. Raises ModelError where the key is no pose."""
+        kind = Kind(int(self.layout.kinds[self.layout.index(key)]))
+        found = self.gather(np.asarray(key), kind)
+        if not isinstance(found, Pose):
+            raise ModelError(f"variable {key} is a point, not a pose")
+        return found
+
+    def positions(self, keys: AnyArray, dim: int) -> Array:
+        """Where variables are, (..., dim) [m]: points, and the translations of poses; planar ones lie at height 0."""
+        keys = np.asarray(keys, np.int64)
+        places = self.layout.index(keys)
+        out = np.zeros((*keys.shape, dim))
+        for kind in Kind:
+            if (mask := self.layout.kinds[places] == kind).any():
+                d = min(dim, kind.dim)
+                starts = self.layout.state_start[places[mask]]
+                out[mask, :d] = self.state[starts[:, None] + np.arange(d)]
+        return out
+
+    def poses_of(self, keys: AnyArray, dim: int) -> Pose:
+        """The poses of several keys as one batch of dimension `dim`, planar ones lifted where dim is 3."""
+        keys = np.asarray(keys, np.int64)
+        kinds = self.layout.kinds[self.layout.index(keys)]
+        rotation, translation = np.zeros((*keys.shape, dim, dim)), np.zeros((*keys.shape, dim))
+        for kind in (Kind.POSE2, Kind.POSE3):
+            if (mask := kinds == kind).any():
+                found = self.gather(keys[mask], kind)
+                assert isinstance(found, Pose)
+                lifted = found.lift(dim)
+                rotation[mask], translation[mask] = lifted.rotation, lifted.translation
+        if (kinds > Kind.POSE3).any():
+            raise ModelError(f"variable {int(keys[kinds > Kind.POSE3].flat[0])} is a point where a pose is needed")
+        return Pose(rotation, translation)
+
+    # --- the chart ----------------------------------------------------------------------------------------------
+
+    def retract(self, delta: Array) -> "Values":
+        """x (+) delta, delta (layout.dof,)."""
+        return self._each(lambda kind, data, d: data.retract(d) if isinstance(data, Pose) else data + d, delta)
+
+    def minus(self, other: "Values") -> Array:
+        """x (-) other, (layout.dof,), for values of the same layout. Law: (x (+) d) (-) x = d."""
+        if not np.array_equal(self.layout.keys, other.layout.keys):
+            raise ModelError("two estimates of different variables cannot be subtracted")
+        out = np.zeros(self.layout.dof)
+        for kind, _, mine in self.parts():
+            theirs = other.of_kind(kind)
+            difference = _subtract(mine, theirs)
+            at = self.layout.stretch(kind)
+            out[self.layout.dof_start[at.start] : self.layout.dof_start[at.stop]] = difference.ravel()
+        return out
+
+    # --- frames and parts ---------------------------------------------------------------------------------------
+
+    def transform(self, frame: Pose) -> "Values":
+        """The same things written in another frame: X -> frame @ X, p -> frame.act(p).
+
+        A planar frame moves spatial values by its lift; a spatial frame cannot move planar values (ModelError).
+        """
+
+        def move(kind: Kind, data: Pose | Array) -> Pose | Array:
+            lifted = frame.lift(kind.dim)
+            return lifted @ data if isinstance(data, Pose) else lifted.act(data)
+
+        return Values(
+            self.layout, np.concatenate([pack(move(k, x)).ravel() for k, _, x in self.parts()] or [np.zeros(0)])
+        )
+
+    def select(self, mask: BoolArray) -> "Values":
+        """The variables where mask (n,) is true."""
+        places = np.flatnonzero(mask)
+        rows = rows_of(self.layout.state_start[places], KIND_SIZE[self.layout.kinds[places]])
+        return Values(self.layout.select(mask), self.state[rows])
+
+    def only(self, keys: AnyArray) -> "Values":
+        """The variables named by keys; unknown ones raise ModelError."""
+        mask = np.zeros(len(self), bool)
+        mask[self.layout.index(keys)] = True
+        return self.select(mask)
+
+    def update(self, other: "Values") -> "Values":
+        """These variables with the other's added; where both know one, the other's is taken."""
+        layout = self.layout.union(other.layout)
+        state = np.zeros(int(layout.state_start[-1]))
+        for values in (self, other):
+            places = layout.index(values.layout.keys)
+            state[rows_of(layout.state_start[places], KIND_SIZE[layout.kinds[places]])] = values.state
+        return Values(layout, state)
+
+    def _each(self, function: Callable[[Kind, Pose | Array, Array], Pose | Array], delta: Array) -> "Values":
+        out = []
+        for kind, keys, data in self.parts():
+            at = self.layout.stretch(kind)
+            part = delta[self.layout.dof_start[at.start] : self.layout.dof_start[at.stop]].reshape(len(keys), kind.dof)
+            out.append(pack(function(kind, data, part)).ravel())
+        return Values(self.layout, np.concatenate(out or [np.zeros(0)]))
+
+
+def _subtract(a: Pose | Array, b: Pose | Array) -> Array:
+    if isinstance(a, Pose) and isinstance(b, Pose):
+        return a.minus(b)
+    assert not isinstance(a, Pose) and not isinstance(b, Pose)
+    return a - b
+
+
+def pack(data: Pose | Array) -> Array:
+    """Poses or points as rows of the state vector: (..., size)."""
+    if isinstance(data, Pose):
+        return np.concatenate([data.translation, data.rotation.reshape(*data.batch, -1)], -1)
+    return np.asarray(data, float)
+
+
+def unpack(rows: Array, kind: Kind) -> Pose | Array:
+    """Rows of the state vector as Poses or points; the inverse of `pack`."""
+    if not kind.is_pose:
+        return rows
+    d = kind.dim
+    return Pose(rows[..., d:].reshape(*rows.shape[:-1], d, d), rows[..., :d])
