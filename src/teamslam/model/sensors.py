@@ -93,7 +93,7 @@ def _point(observer: Pose, target: Target, dim: int) -> Array:
 
 
 def _range(observer: Pose, target: Target, dim: int) -> Array:
-    return np.linalg.norm(_point(observer, target, dim), axis=-1, keepdims=True)
+    return np.asarray(np.linalg.norm(_point(observer, target, dim), axis=-1, keepdims=True))
 
 
 def _bearing(observer: Pose, target: Target, dim: int) -> Array:
