@@ -1,0 +1,124 @@
+"""The options of each room, gathered: one TOML file in, one file saved beside the result.
+
+    method = "join"              # or "full": all measurements in one least squares problem
+    [read]                       # options of the reader, as in teamslam.read(path, **options)
+    [loss]                       # replaces the loss of every sighting; absent: as the reader set it
+    name = "huber"
+    scale = 2.0
+    [split]                      # where logs are cut into submaps; absent: automatic
+    poses_per_piece = 200
+    [solver]                     # how least squares problems are solved
+    max_iterations = 100
+
+What a file does not mention keeps its default. A key that is not known, or a value of the wrong type, is an InputError
+that names the key and, for a misspelt one, the nearest key there is.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any, cast, get_args, get_type_hints
+
+import msgspec
+import tomli_w
+
+from teamslam.errors import InputError
+from teamslam.model import Loss
+from teamslam.solver import Options as SolverOptions
+
+METHODS = ("join", "full")
+ReaderOption = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class SplitOptions:
+    """Where logs are cut into submaps: `poses_per_piece` poses in each, or automatic (None)."""
+
+    poses_per_piece: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.poses_per_piece is not None and self.poses_per_piece < 2:
+            raise InputError(f"a piece of a log needs at least 2 poses, found {self.poses_per_piece}")
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that a run may be told. `Config()` is the default run.
+
+    `loss` None keeps the losses that the reader chose for its sensors. `read` is handed to the reader of the input's
+    format, which knows the names and checks them.
+    """
+
+    method: str = "join"
+    read: Mapping[str, ReaderOption] = field(default_factory=dict)
+    loss: Loss | None = None
+    split: SplitOptions = field(default_factory=SplitOptions)
+    solver: SolverOptions = field(default_factory=SolverOptions)
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"unknown method '{self.method}'; choose one of {', '.join(METHODS)}", field="method")
+
+
+def read_config(path: str | Path) -> Config:
+    """The options in a TOML file. InputError names the file, the key and the cure."""
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"the options cannot be read: {error.strerror or error}", path=path) from None
+    except UnicodeDecodeError:
+        raise InputError("not a text file; expected options in TOML", path=path) from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", path=path) from None
+    return config_from(table, path=path)
+
+
+def config_from(table: Mapping[str, Any], *, path: str | Path | None = None) -> Config:
+    """The options in a nested table, as TOML gives it. Law: config_from(to_table(config)) == config."""
+    for name, known in unknown_keys(table, Config):
+        nearest = difflib.get_close_matches(name.rpartition(".")[2], known, n=1, cutoff=0.5)
+        cure = f"did you mean '{nearest[0]}'?" if nearest else f"known are: {', '.join(known)}"
+        raise InputError(f"unknown option; {cure}", path=path, field=name)
+    try:
+        return msgspec.convert(table, Config)
+    except msgspec.ValidationError as error:
+        problem, _, place = str(error).partition(" - at ")
+        where = place.strip("`").removeprefix("$.") or None
+        raise InputError(problem.replace("`", "'"), path=path, field=where) from None
+    except InputError as error:
+        raise InputError(error.problem, path=path, field=error.field) from None
+
+
+def to_table(config: Config) -> dict[str, Any]:
+    """The options as a nested table that TOML can hold; what is None is left out, as TOML has no word for it."""
+    return cast(dict[str, Any], _plain(asdict(config)))
+
+
+def write_config(config: Config, path: str | Path) -> None:
+    """Save every option as it was used, defaults included, so that the run can be repeated."""
+    Path(path).write_text(tomli_w.dumps(to_table(config)), encoding="utf-8")
+
+
+def unknown_keys(table: Mapping[str, Any], record: type) -> Iterator[tuple[str, list[str]]]:
+    """The keys of a nested table that a record has no field for, with the names of the fields there are."""
+    hints = get_type_hints(record)
+    known = [f.name for f in fields(record)]
+    for name, value in table.items():
+        if name not in known:
+            yield name, known
+            continue
+        inner = next((t for t in (hints[name], *get_args(hints[name])) if is_dataclass(t)), None)
+        if inner is not None and isinstance(value, Mapping):
+            yield from ((f"{name}.{deeper}", names) for deeper, names in unknown_keys(value, cast(type, inner)))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items() if inner is not None}
+    if isinstance(value, Enum):
+        return value.value
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,19 @@
+"""Figures: records in, matplotlib figures out; never shown or saved here. matplotlib is imported when one is drawn."""
+
+from teamslam.viz.curves import ErrorTrack, draw_consistency, draw_convergence, draw_errors
+from teamslam.viz.maps import draw_map, plan_axes
+from teamslam.viz.scene import Scene, shape_of
+from teamslam.viz.style import robot_colour, styled
+
+__all__ = [
+    "ErrorTrack",
+    "Scene",
+    "draw_consistency",
+    "draw_convergence",
+    "draw_errors",
+    "draw_map",
+    "plan_axes",
+    "robot_colour",
+    "shape_of",
+    "styled",
+]

@@ -1,0 +1,159 @@
+"""Maps: where the robots went, where the landmarks are, how sure we are, and where they truly were.
+
+What is drawn, and how:
+
+    estimate   lines in robot colours, landmarks as diamonds, all in the frame of the map's base pose
+    regions    95 % ellipses of landmarks and of the robots' starts, from the marginal covariances
+    truth      dark dashes and hollow diamonds, brought into the frame of the map
+    sightings  thin lines between robots that saw each other
+    frames     each robot's first pose as a pair of axes: what the team did not know before
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from teamslam.geometry import IntArray
+from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
+from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, QUIET, TRUTH_COLOUR, robot_colour, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_SIGHTINGS = 120  # lines drawn: more are thinned evenly, as they would hide the map
+MOST_LABELS = 40  # landmarks named: more would write over each other
+
+
+@styled
+def draw_map(scene: Scene) -> "Figure":
+    """A map of the whole team, from above or in space as the robots move; a new Figure, neither shown nor saved."""
+    from matplotlib.figure import Figure
+
+    from teamslam.viz.space import space_axes
+
+    figure = Figure(figsize=(7.4, 5.8), layout="constrained")
+    axes: Any
+    if scene.is_spatial:
+        axes = figure.add_subplot(projection="3d")
+        space_axes(axes, scene)
+    else:
+        axes = figure.add_subplot()
+        plan_axes(axes, scene)
+    method = METHOD_NAMES.get(scene.method, scene.method)
+    figure.suptitle(scene.title or f"Map of {len(scene.robots)} robots by {method}", x=0.01, ha="left")
+    axes.set_title(scene.caption or frame_name(scene), loc="left", fontsize=8.5, fontweight="normal", color=INK)
+    handles, labels = legend_entries(axes)
+    if scene.is_spatial:
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    else:
+        figure.legend(handles, labels, loc="outside right center")
+    return figure
+
+
+def plan_axes(axes: "Axes", scene: Scene) -> None:
+    """Draw a map seen from above on given axes, for figures of several panels."""
+    axes.set_aspect("equal", adjustable="datalim")
+    draw_sightings(axes, scene, 2)
+    for order, robot in enumerate(scene.robots):
+        colour, path = robot_colour(order), scene.path(robot, 2)
+        few = len(path) <= 40
+        axes.plot(*scene.true_path(robot, 2).T, color=TRUTH_COLOUR, lw=0.7, ls=(0, (4, 2)), alpha=0.7, zorder=2)
+        axes.plot(*path.T, color=colour, lw=1.3 if few else 0.9, marker="o" if few else None, ms=3.2, alpha=0.9,
+                  zorder=3, label=f"robot {scene.map.names.robot(robot)}")  # fmt: skip
+        axes.plot(*path[-1], marker="s", ms=4.5, color=colour, mec="white", mew=0.6, zorder=5)
+        _frame(axes, scene, robot, colour)
+        _region(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
+    _region(axes, scene, scene.map.landmark_keys, LANDMARK_COLOUR)
+    draw_landmarks(axes, scene, 2)
+    explain(axes, scene, 2)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.margins(0.06)
+
+
+def frame_name(scene: Scene) -> str:
+    """Whose frame a map is written in, in words."""
+    return f"in the frame of {scene.map.names.describe(scene.map.base)}"
+
+
+# --- parts of a map, in the plane and in space ----------------------------------------------------------------------
+
+
+def draw_sightings(axes: Any, scene: Scene, dim: int) -> None:
+    """Thin lines between robots that saw each other; the label says where only some are drawn."""
+    pairs, step = scene.visible_sightings(MOST_SIGHTINGS)
+    if not len(pairs):
+        return
+    ends = scene.map.all_values.positions(pairs, dim)  # (n, 2, dim)
+    broken = np.concatenate([ends, np.full((len(ends), 1, dim), np.nan)], 1).reshape(-1, dim)
+    some = f"\n(1 in {step} drawn)" if step > 1 else ""
+    axes.plot(*broken.T, color=QUIET, lw=0.5, alpha=0.5, zorder=1, label=f"robot sightings{some}")
+
+
+def draw_landmarks(axes: Any, scene: Scene, dim: int) -> None:
+    """Landmarks as diamonds, the true ones hollow; named where there are few."""
+    keys = scene.map.landmark_keys
+    if not len(keys):
+        return
+    many = len(keys) > MOST_LABELS
+    places = scene.map.all_values.positions(keys, dim)
+    axes.plot(*places.T, ls="none", marker="D", ms=3.0 if many else 4.6, color=LANDMARK_COLOUR, mec="white", mew=0.5,
+              zorder=8, label="landmark")  # fmt: skip
+    if scene.truth is not None and (there := scene.truth.layout.contains(keys)).any():
+        true = scene.truth.positions(keys[there], dim)
+        axes.plot(*true.T, ls="none", marker="D", ms=5.0 if many else 8.0, mfc="none", mec=TRUTH_COLOUR, mew=0.8,
+                  zorder=7, label="landmark, truth")  # fmt: skip
+    if not many and dim == 2:
+        for key, place in zip(keys, places, strict=True):
+            axes.annotate(scene.map.names.landmark(int(key)), place, xytext=(7, 6), textcoords="offset points",
+                          fontsize=7.5, color=LANDMARK_COLOUR, zorder=9)  # fmt: skip
+
+
+def explain(axes: Any, scene: Scene, dim: int) -> None:
+    """Legend entries for what is not a labelled line."""
+
+    def entry(label: str, **look: Any) -> None:
+        axes.plot(*np.zeros((dim, 0)), label=label, **look)
+
+    if scene.truth is not None:
+        entry("true path", color=TRUTH_COLOUR, lw=0.8, ls=(0, (4, 2)))
+    if scene.covariances:
+        times = scene.magnification(dim)
+        enlarged = f",\ndrawn {times} times larger" if times > 1 else ""
+        entry(f"{CONFIDENCE:.0%} region{enlarged}", ls="none", marker="o", ms=9, mfc="none", mec=LANDMARK_COLOUR)
+    entry("start, with its axes" if dim == 2 else "start", ls="none", marker="o", ms=5, color=INK, mec="white")
+    entry("end", ls="none", marker="s", ms=4.5, color=INK, mec="white")
+
+
+def legend_entries(axes: Any) -> tuple[list[Any], list[str]]:
+    """Legend entries, the robots first."""
+    handles, labels = axes.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda i: not labels[i].startswith("robot ") or "sighting" in labels[i])
+    return [handles[i] for i in order], [labels[i] for i in order]
+
+
+# --- parts of a plan ------------------------------------------------------------------------------------------------
+
+
+def _frame(axes: "Axes", scene: Scene, robot: int, colour: str) -> None:
+    """A robot's first pose: forward as an arrow, left as a bar."""
+    pose = scene.map.all_values.pose(int(scene.map.trajectory_keys(robot)[0]))
+    start, length = pose.translation[:2], 0.045 * scene.extent(2)
+    for axis, head in enumerate(("-|>", "-")):
+        look = {"arrowstyle": head, "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", xy=tuple(start + length * pose.rotation[:2, axis]), xytext=tuple(start), zorder=6,
+                      arrowprops=look)  # fmt: skip
+    axes.plot(*start, marker="o", ms=5, color=colour, mec="white", mew=0.8, zorder=7)
+
+
+def _region(axes: "Axes", scene: Scene, keys: IntArray, colour: str) -> None:
+    from matplotlib.patches import Ellipse
+
+    scale = scene.magnification(2)
+    for centre, covariance in scene.regions(keys, 2):
+        (minor, major), vectors = shape_of(covariance)
+        angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
+        for look in ({"fc": colour, "alpha": 0.16, "lw": 0}, {"fc": "none", "ec": colour, "lw": 0.9}):
+            middle = (float(centre[0]), float(centre[1]))
+            axes.add_patch(Ellipse(middle, 2 * scale * major, 2 * scale * minor, angle=angle, zorder=4, **look))

@@ -1,0 +1,89 @@
+"""A scene: all that a map figure draws, and the sizes that follow from it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import chi2
+
+from teamslam.geometry import Array, IntArray
+from teamslam.model import Submap, Values, robot_of
+
+CONFIDENCE = 0.95
+FACTORS = (100, 50, 20, 10, 5, 2)  # how many times regions too small to see are drawn larger
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that a map figure draws.
+
+    `map`: the estimate. `covariances`: marginal covariance of a variable by key, in the frame of the map, any subset.
+    `truth`: values in the frame of the map, any subset. `sightings` (n, 2): pairs of pose keys, observer and observed.
+    `method` as in the options; `caption`: a line of figures under the title.
+    """
+
+    map: Submap
+    covariances: Mapping[int, Array] = field(default_factory=dict)
+    truth: Values | None = None
+    sightings: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    method: str = "join"
+    title: str = ""
+    caption: str = ""
+
+    @property
+    def robots(self) -> list[int]:
+        """Robots with a pose in the map, in order."""
+        found = np.unique(robot_of(self.map.keys))
+        return [int(r) for r in found if r > 0]
+
+    @property
+    def is_spatial(self) -> bool:
+        """True where some robot leaves the plane: a plan view would hide its height."""
+        values, keys = self.map.all_values, self.map.keys
+        heights = values.positions(keys[robot_of(keys) > 0], 3)[:, 2]
+        return bool(np.ptp(heights) > 1e-9) if len(heights) else False
+
+    def path(self, robot: int, dim: int) -> Array:
+        """The robot's way (n, dim) [m]."""
+        return self.map.all_values.positions(self.map.trajectory_keys(robot), dim)
+
+    def true_path(self, robot: int, dim: int) -> Array:
+        """The robot's true way (n, dim) [m]; empty where nobody knows it."""
+        if self.truth is None:
+            return np.zeros((0, dim))
+        keys = self.map.trajectory_keys(robot)
+        return self.truth.positions(keys[self.truth.layout.contains(keys)], dim)
+
+    def visible_sightings(self, most: int) -> tuple[IntArray, int]:
+        """Every n-th sighting whose two poses are in the map, at most `most`, and n."""
+        known = self.sightings[self.map.all_values.layout.contains(self.sightings).all(-1)]
+        step = max(1, -(-len(known) // most))
+        return known[::step], step
+
+    def regions(self, keys: IntArray, dim: int) -> list[tuple[Array, Array]]:
+        """Centres (dim,) and position covariances (dim, dim) of the variables whose covariance is known."""
+        found = []
+        for key in (int(k) for k in keys if int(k) in self.covariances):
+            layout = self.map.all_values.layout
+            d = min(dim, 2 + int(layout.kinds[layout.index(key)]) % 2)
+            block = np.zeros((dim, dim))
+            block[:d, :d] = np.asarray(self.covariances[key])[:d, :d]
+            found.append((self.map.all_values.positions(np.array(key), dim), block))
+        return found
+
+    def extent(self, dim: int) -> float:
+        """The longest side of the map [m]."""
+        places = self.map.all_values.positions(self.map.keys, dim)
+        return float(np.ptp(places, axis=0).max()) or 1.0
+
+    def magnification(self, dim: int) -> int:
+        """How many times larger regions are drawn so that the eye finds them; the legend says so."""
+        sizes = [np.linalg.eigvalsh(c)[-1] for _, c in self.regions(self.map.landmark_keys, dim)]
+        typical = np.sqrt(max(float(np.median(sizes)), 0.0) * chi2.ppf(CONFIDENCE, dim)) if sizes else 0.0
+        return next((k for k in FACTORS if 0.0 < k * typical <= 0.03 * self.extent(dim)), 1)
+
+
+def shape_of(covariance: Array, confidence: float = CONFIDENCE) -> tuple[Array, Array]:
+    """Radii (d,) [m], rising, and axes (d, d), in columns, of the region that holds a Gaussian with `confidence`."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.sqrt(np.maximum(values, 0.0) * chi2.ppf(confidence, len(covariance))), vectors
