@@ -66,6 +66,8 @@ class Cholesky {
   size_t bytes() const;             // held by the object: analysis, factor and working stacks
 
  private:
+  int32_t run(const double* values, const double* damping, bool keep_last);
+
   std::unique_ptr<const Symbolic> symbolic_;
   struct Numeric;
   std::unique_ptr<Numeric> numeric_;

@@ -1,0 +1,147 @@
+// Entries of the inverse on the pattern (Takahashi, Fagan and Chin 1973), front by front from the roots.
+//
+// With L of a front split into its pivot block D and the rows below it B, and Y = B D^-1, the inverse obeys
+//   Z_below,pivots = -Z_below,below Y   and   Z_pivots = D^-T D^-1 - Y' Z_below,pivots,
+// where Z_below,below is a submatrix of the parent's front of the inverse, already known.
+#include <algorithm>
+#include <cstring>
+
+#include "cholesky_numeric.hpp"
+
+namespace teamslam {
+namespace {
+
+// A front of the inverse, symmetric and whole: pivots, rows by pivots, rows by rows.
+struct InverseFront {
+  Buffer memory;
+  double* pivots = nullptr;  // leading padded(columns)
+  double* rows = nullptr;    // leading padded(rows)
+  double* below = nullptr;   // leading padded(rows), padded(rows) columns
+  int64_t children_left = 0;
+};
+
+class Inversion {
+ public:
+  Inversion(const Symbolic& s, const double* panel, const double* inverse)
+      : s_(s), panel_(panel), inverse_(inverse), dense_(dense_kernels()), front_(s.front.size()) {}
+
+  // Calls use(front, panel of the inverse) for every front: the panel is laid out as the factor's.
+  template <class Use>
+  void run(const Use& use) {
+    for (size_t f = s_.front.size(); f-- > 0;) {
+      invert(static_cast<int32_t>(f));
+      use(s_.front[f], front_[f].pivots);
+      release_parent(static_cast<int32_t>(f));
+    }
+  }
+
+ private:
+  void release_parent(int32_t f) {
+    const Front& front = s_.front[f];
+    if (front.child_start == front.child_end) front_[f].memory.reset();
+    if (front.parent >= 0 && --front_[front.parent].children_left == 0) front_[front.parent].memory.reset();
+  }
+
+  // Z_below,below from the parent's front.
+  void gather(const Front& front, double* z) const {
+    const Front& parent = s_.front[front.parent];
+    const InverseFront& from = front_[front.parent];
+    const int64_t leading = front.leading_rows(), up = parent.leading_rows(), k = parent.columns;
+    std::memset(z, 0, sizeof(double) * static_cast<size_t>(front.update_size()));
+    const Run* run = s_.run.data() + front.run_start;
+    const int64_t runs = front.run_end - front.run_start;
+    for (int64_t r = 0; r < runs; ++r) {
+      for (int64_t j = 0; j < run[r].length; ++j) {
+        const int64_t column = run[r].to + j, own = run[r].from + j;
+        for (int64_t q = r; q < runs; ++q) {
+          const double* source = nullptr;
+          if (column >= k) {
+            source = from.below + (column - k) * up + (run[q].to - k);
+          } else if (run[q].to >= k) {
+            source = from.rows + column * up + (run[q].to - k);
+          } else {
+            source = from.pivots + column * parent.leading_pivot() + run[q].to;
+          }
+          for (int64_t i = 0; i < run[q].length; ++i) z[run[q].from + i + own * leading] = source[i];
+        }
+      }
+    }
+    for (int64_t j = 0; j < front.rows; ++j) {
+      for (int64_t i = j + 1; i < front.rows; ++i) z[j + i * leading] = z[i + j * leading];
+    }
+  }
+
+  void invert(int32_t f) {
+    const Front& front = s_.front[f];
+    InverseFront& z = front_[f];
+    const int64_t k = front.columns, kp = front.leading_pivot(), m = front.rows, mp = front.leading_rows();
+    z.children_left = front.child_end - front.child_start;
+    z.memory = Buffer(new double[static_cast<size_t>(front.panel_size() + front.update_size())]);
+    z.pivots = z.memory.get();
+    z.rows = z.pivots + front.below();
+    z.below = z.pivots + front.panel_size();
+    const double* d = panel_ + front.panel;
+    const double* reciprocal = inverse_ + front.first_scalar;
+    // W = D^-T D^-1, from the identity divided twice: W D' = D^-T... first X = D^-T (X D' = I), then X D^-1.
+    std::memset(z.pivots, 0, sizeof(double) * static_cast<size_t>(front.panel_size()));
+    for (int64_t j = 0; j < k; ++j) z.pivots[j * (kp + 1)] = 1;
+    dense_.divide_transposed(kp, k, d, kp, reciprocal, z.pivots, kp);
+    dense_.divide(kp, k, d, kp, reciprocal, z.pivots, kp);
+    if (m == 0) return;
+    gather(front, z.below);
+    y_.assign(d + front.below(), d + front.panel_size());
+    dense_.divide(mp, k, d, kp, reciprocal, y_.data(), mp);
+    dense_.subtract_product(mp, k, m, z.below, mp, y_.data(), 1, mp, z.rows, mp);
+    turned_.assign(static_cast<size_t>(kp * mp), 0.0);
+    for (int64_t j = 0; j < k; ++j) {
+      for (int64_t i = 0; i < m; ++i) turned_[j + i * kp] = y_[i + j * mp];
+    }
+    dense_.subtract_product(kp, k, m, turned_.data(), kp, z.rows, 1, mp, z.pivots, kp);
+  }
+
+  const Symbolic& s_;
+  const double* panel_;
+  const double* inverse_;
+  const DenseKernels& dense_;
+  std::vector<InverseFront> front_;
+  std::vector<double> y_, turned_;
+};
+
+// One pattern block out of a panel of the inverse.
+void copy_block(const Scatter& block, const double* panel, double* to) {
+  const double* from = panel + block.target;
+  const bool transposed = block.leading < 0;
+  const int64_t down = transposed ? -static_cast<int64_t>(block.leading) : 1;
+  const int64_t across = transposed ? 1 : block.leading;
+  for (int32_t j = 0; j < block.columns; ++j) {
+    for (int32_t i = 0; i < block.rows; ++i) *to++ = from[i * down + j * across];
+  }
+}
+
+}  // namespace
+
+void Cholesky::inverse_on_pattern(double* values_out) const {
+  const Symbolic& s = *symbolic_;
+  Inversion(s, numeric_->panel.get(), numeric_->inverse.data()).run([&](const Front& front, const double* panel) {
+    for (int64_t e = front.scatter_start; e < front.scatter_end; ++e) {
+      copy_block(s.scatter[e], panel, values_out + s.scatter[e].value);
+    }
+  });
+}
+
+void Cholesky::diagonal_inverse(double* blocks_out) const {
+  const Symbolic& s = *symbolic_;
+  std::vector<int64_t> start(s.dof.size() + 1, 0);
+  for (size_t v = 0; v < s.dof.size(); ++v) start[v + 1] = start[v] + int64_t{s.dof[v]} * s.dof[v];
+  Inversion(s, numeric_->panel.get(), numeric_->inverse.data()).run([&](const Front& front, const double* panel) {
+    int64_t at = 0;
+    for (int32_t p = front.first_position; p < front.first_position + front.variables; ++p) {
+      const int32_t v = s.order[p], dof = s.dof[v];
+      const auto target = static_cast<int32_t>(at * (front.leading_pivot() + 1));
+      copy_block({0, target, static_cast<int32_t>(front.leading_pivot()), dof, dof}, panel, blocks_out + start[v]);
+      at += dof;
+    }
+  });
+}
+
+}  // namespace teamslam
