@@ -2,7 +2,7 @@
 
 from teamslam.geometry.align import Fit, align
 from teamslam.geometry.arrays import AnyArray, Array, BoolArray, IntArray
-from teamslam.geometry.pose import Pose, concatenate, lift_tangent, rotations
+from teamslam.geometry.pose import Pose, concatenate, lift_points, lift_tangent, rotations
 
 __all__ = [
     "AnyArray",
@@ -13,6 +13,7 @@ __all__ = [
     "Pose",
     "align",
     "concatenate",
+    "lift_points",
     "lift_tangent",
     "rotations",
 ]

@@ -197,6 +197,13 @@ def lift_tangent(dim_from: int, dim_to: int) -> Array:
     return selection
 
 
+def lift_points(points: Array, dim: int) -> Array:
+    """Points (..., d) in a space of `dim`: those of the plane lie at height 0. ModelError where that would lose height."""
+    if points.shape[-1] > dim:
+        raise ModelError("a point in space cannot be put into the plane without loss")
+    return np.concatenate([points, np.zeros((*points.shape[:-1], dim - points.shape[-1]))], -1)
+
+
 def concatenate(poses: list[Pose]) -> Pose:
     """Poses one after another along the first axis."""
     return Pose(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))

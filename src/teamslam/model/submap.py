@@ -90,6 +90,7 @@ class Submap:
     information: sp.csr_array
     sources: Sources
     names: Names = field(default_factory=Names)
+    raw: tuple[Table, ...] = ()
     cost: float = 0.0
     chi2: float = 0.0
     rows: int = 0

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, IntArray, Pose
+from teamslam.geometry import AnyArray, Array, IntArray, Pose, lift_points
 from teamslam.model.keys import is_pose, robot_of
 from teamslam.model.losses import SQUARED, Loss
 from teamslam.model.sensors import MODELS, Model
@@ -83,22 +83,26 @@ class Table:
         """The same sightings under another loss."""
         return replace(self, loss=loss)
 
+    def ends(self, values: Values) -> tuple[Pose | None, Pose | Array]:
+        """The observers (None for `unary` models) and the targets of all rows, planar ones lifted where kinds are mixed."""
+        dim = 2 + int((values.layout.kinds[values.layout.index(self.keys)] % 2).max(initial=0))
+        targets = self.keys[:, -1]
+        target = values.poses_of(targets, dim) if self.row.targets_pose else values.positions(targets, dim)
+        return None if self.row.unary else values.poses_of(self.keys[:, 0], dim), target
+
+    def predict_from(self, observer: Pose | None, target: Pose | Array) -> Array:
+        """h (m, size) of targets seen by observers' bodies (None: from the world frame), each of its own dimension."""
+        of_target = target.dim if isinstance(target, Pose) else target.shape[-1]
+        of_observer = observer.dim if observer is not None else 2
+        dim = max(self.dim, of_target, of_observer, self.sensor.dim if self.sensor is not None else 2)
+        lifted = target.lift(dim) if isinstance(target, Pose) else lift_points(target, dim)
+        body = observer.lift(dim) if observer is not None else Pose.identity(dim, (len(lifted),))
+        eye = body if self.sensor is None else body @ self.sensor.lift(dim)
+        return self.row.predict(eye, lifted, self.dim)
+
     def predict(self, values: Values) -> Array:
-        """What should have been measured, h (m, size), were `values` the truth (world frame of `values`)."""
-        dim = max([self.dim, *(int(k) % 2 + 2 for k in np.unique(values.layout.kinds[values.layout.index(self.keys)]))])
-        target: Pose | Array
-        if self.row.targets_pose:
-            target = values.poses_of(self.keys[:, -1], dim)
-        else:
-            target = values.positions(self.keys[:, -1], dim)
-        if self.row.unary:
-            return self.row.predict(Pose.identity(dim, (len(self),)), target, self.dim)
-        observer = values.poses_of(self.keys[:, 0], dim)
-        if self.sensor is not None:
-            observer = observer @ self.sensor.lift(dim)
-            if observer.dim > dim and not isinstance(target, Pose):
-                target = values.positions(self.keys[:, -1], observer.dim)
-        return self.row.predict(observer, target, self.dim)
+        """What should have been measured, h (m, size), were `values` the truth (in the frame of `values`)."""
+        return self.predict_from(*self.ends(values))
 
     def residual(self, values: Values) -> Array:
         """e = z (-) h (m, rows), in the measurement's own units."""

@@ -1,0 +1,152 @@
+"""Algorithm 2: submaps joined into one map, minimising g(G) = sum_i |S^_i (-) H_i(G)|^2 weighed by I_i (paper, eq. 11).
+
+    place:  where each submap's frame lies, in closed form
+    solve:  all frames and variables together; raw measurements that travel with the submaps join in
+    keep :  G^ and its information: a submap again
+
+A join is a pure function of the set of submaps: they are put in order by id before anything is computed. It refuses to
+count a measurement twice. Submaps that nothing holds together come back as separate components, with the reason.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import IntArray
+from teamslam.joining.place import Cluster, place, spread
+from teamslam.joining.triangulate import triangulate
+from teamslam.joining.world import anchor
+from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
+from teamslam.solver import Options, Solution, Step, SubmapTerm, System, optimise
+from teamslam.solver.optimise import DEFAULTS
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """Submaps that could be joined: their `map`, the solver's account (None for a submap left alone), and their ids."""
+
+    map: Submap
+    solution: Solution | None
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """What a team's submaps make together. `components` in the order of their lowest robot; `reasons` says, where there
+    are several, why they could not be joined and what would join them."""
+
+    components: tuple[Component, ...]
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def map(self) -> Submap:
+        """The map of the first component."""
+        return self.components[0].map
+
+    @property
+    def converged(self) -> bool:
+        """True where every component reached an optimum."""
+        return all(c.solution is None or c.solution.converged for c in self.components)
+
+
+def join(
+    submaps: Iterable[Submap],
+    *,
+    options: Options = DEFAULTS,
+    progress: Callable[[Step], None] | None = None,
+) -> Joined:
+    """The map of all submaps together, all at once.
+
+    Its frame is the base pose of the lowest robot's first submap, or the world's where positions in the world were
+    measured. Laws: the result does not depend on the order of the submaps; joining one submap gives that submap back.
+    Raises ModelError for an empty set, for ids that stand twice, and where one measurement is in two submaps.
+    """
+    ordered = in_order(submaps)
+    refuse_double_counting(ordered)
+    placement = place(ordered)
+    components = [_join_cluster(ordered, cluster, options, progress) for cluster in placement.clusters]
+    return Joined(tuple(components), tuple(placement.reasons))
+
+
+def in_order(submaps: Iterable[Submap]) -> list[Submap]:
+    """The submaps sorted by the robot and time of their base, then by id; of two versions of one id the newer counts."""
+    newest: dict[str, Submap] = {}
+    for submap in submaps:
+        held = newest.get(submap.id)
+        if held is not None and held.version == submap.version and held is not submap:
+            raise ModelError(f"two different submaps are both called {submap.id}, version {submap.version}")
+        if held is None or submap.version > held.version:
+            newest[submap.id] = submap
+    if not newest:
+        raise ModelError("there is nothing to join: the set of submaps is empty")
+    return sorted(newest.values(), key=lambda s: (s.base, s.id))
+
+
+def refuse_double_counting(submaps: Sequence[Submap]) -> None:
+    """Raise ModelError where one row of a log went into two submaps: joined, it would count twice."""
+    spans: dict[tuple[int, str], list[tuple[int, int, str]]] = {}
+    for submap in submaps:
+        for stretch in submap.sources:
+            spans.setdefault((stretch.robot, stretch.source), []).append((stretch.start, stretch.stop, submap.id))
+    for (robot, source), stretches in spans.items():
+        stretches.sort()
+        for before, after in zip(stretches, stretches[1:], strict=False):
+            if after[0] < before[1]:
+                raise ModelError(
+                    f"rows {after[0]} to {min(before[1], after[1]) - 1} of the {source} of robot {robot} stand in both submap "
+                    f"{before[2]} and submap {after[2]}; joined, they would count twice and the map would be too sure of "
+                    f"itself. Leave one of the two out"
+                )
+
+
+def _join_cluster(
+    submaps: Sequence[Submap], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
+) -> Component:
+    members = [submaps[number] for number in cluster.members]
+    ids = tuple(sorted(m.id for m in members))
+    raw = [table for member in members for table in member.raw]
+    if len(members) == 1 and not raw:
+        return Component(members[0], None, ids)
+    names = members[0].names.merge(m.names for m in members[1:])
+    start = triangulate(spread(members, cluster.frames), raw)
+    usable, _ = usable_rows(raw, start.layout)
+    start, fixed = anchor(start, members[0], usable)
+    terms = [SubmapTerm.of(member) for member in members]
+    system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names)
+    solution = optimise(system, start, options, progress)
+    return Component(joined_map(members, usable, solution, fixed, names), solution, ids)
+
+
+def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
+    """Raw measurements in two parts: those whose variables are all there, and those that must wait for another submap."""
+    usable, waiting = [], []
+    for table in raw:
+        ready = layout.contains(table.keys).all(1)
+        usable += [table.select(ready)] if ready.any() else []
+        waiting += [table.select(~ready)] if not ready.all() else []
+    return usable, waiting
+
+
+def joined_map(
+    members: Sequence[Submap], raw: Sequence[Table], solution: Solution, fixed: IntArray, names: Names
+) -> Submap:
+    """The joined map as a submap, in the frame of the fixed pose (or the world's)."""
+    _, waiting = usable_rows([t for m in members for t in m.raw], solution.values.layout)
+    keep = ~np.isin(solution.values.layout.keys, fixed)
+    base, base_dim = (int(fixed[0]), members[0].base_dim) if len(fixed) else (WORLD, members[0].base_dim)
+    return Submap(
+        id="+".join(sorted(m.id for m in members)),
+        version=max(m.version for m in members),
+        base=base,
+        base_dim=base_dim,
+        values=solution.values.select(keep),
+        information=solution.information,
+        sources=Sources().merge(*(m.sources for m in members)),
+        names=names,
+        raw=tuple(waiting),
+        cost=solution.cost + sum(m.cost for m in members),
+        chi2=solution.chi2 + sum(m.chi2 for m in members),
+        rows=sum(m.rows for m in members) + sum(t.dof for t in raw),
+    )

@@ -1,0 +1,107 @@
+"""Cutting a long log into pieces, so that each submap is easy.
+
+A piece is a stretch of one robot's way. Every measurement goes into exactly one piece (that of the pose it was taken
+from), and consecutive pieces share their boundary pose: the last of one is the base of the next. Where the odometry
+chain is broken the log is cut too, without a shared pose.
+
+A submap is easy while dead reckoning is a good start for it, that is, while the heading is known: a piece ends where
+the standard deviation of the dead-reckoned heading, summed along the odometry, reaches `heading_sigma`.
+"""
+
+import numpy as np
+
+from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.model import Dataset, Table, is_pose, robot_of
+
+HEADING_SIGMA = 0.2  # [rad]: the linearisation error of a submap's start is about half its square, 2 %
+MIN_POSES = 10  # shorter pieces cost more to join than they save
+
+
+def split(dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma: float = HEADING_SIGMA) ->
+list[Dataset]:
+    """The pieces of a log, robot by robot and in time order.
+
+    `poses_per_piece` cuts by count instead of by the uncertainty of the heading. Law: the pieces' tables together hold
+    every row of the dataset's tables once.
+    """
+    return [
+        piece
+        for robot in sorted(dataset.robots)
+        for piece in _split_robot(dataset.of_robot(robot), robot, poses_per_piece, heading_sigma)
+    ]
+
+
+def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_sigma: float) -> list[Dataset]:
+    if not log.tables:
+        return []
+    poses = log.pose_keys[robot]
+    variance, linked = _odometry_along(log, robot, poses)
+    starts = _cuts(variance, linked, poses_per_piece, heading_sigma)
+    piece_of_row = [_piece_of(table, poses[starts]) for table in log.tables]
+    pieces = []
+    for number in range(len(starts)):
+        tables = (t.select(rows == number) for t, rows in zip(log.tables, piece_of_row, strict=True))
+        pieces.append(log.with_tables(t for t in tables if len(t)))
+    return [piece for piece in pieces if piece.tables]
+
+
+def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """For each consecutive pair of a robot's poses, the table and row of a relative pose between them, or -1: two
+    arrays (n - 1,); and 1 where the row runs backwards in time."""
+    n = max(len(poses) - 1, 0)
+    which, row, backward = np.full(n, -1), np.full(n, -1), np.zeros(n, np.int64)
+    for number, table in enumerate(log.tables):
+        if table.model != "relative_pose":
+            continue
+        own = (robot_of(table.keys) == robot).all(1)
+        at = np.full(table.keys.shape, -5)
+        at[own] = np.searchsorted(poses, table.keys[own])
+        for step, back in ((1, 0), (-1, 1)):
+            found = np.flatnonzero(own & (at[:, 1] - at[:, 0] == step))
+            pair = at[found].min(1)
+            fresh = which[pair] < 0
+            pair, first = np.unique(pair[fresh], return_index=True)
+            which[pair], row[pair], backward[pair] = number, found[fresh][first], back
+    return which, row, backward
+
+
+def _odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, BoolArray]:
+    """The variance of the heading that each odometry step adds (n - 1,), and where there is a step at all."""
+    which, row, _ = odometry_links(log, robot, poses)
+    variance = np.zeros(len(which))
+    for number, table in enumerate(log.tables):
+        steps = np.flatnonzero(which == number)
+        if len(steps):
+            whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))[row[steps]]
+            covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
+            turns = covariance[:, table.dim :, table.dim :]
+            variance[steps] = np.trace(turns, axis1=1, axis2=2)
+    return variance, which >= 0
+
+
+def _cuts(variance: Array, linked: BoolArray, poses_per_piece: int | None, heading_sigma: float) -> IntArray:
+    """Where pieces start, as places in the list of poses."""
+    starts, since, count = [0], 0.0, 1
+    last = len(variance)
+    for step in range(len(variance)):
+        since, count = since + variance[step], count + 1
+        if not linked[step]:
+            starts.append(step + 1)
+            since, count = 0.0, 1
+            continue
+        full = count > poses_per_piece if poses_per_piece else count > MIN_POSES and since > heading_sigma**2
+        remaining = last - (step + 1)
+        if full and remaining >= (1 if poses_per_piece else MIN_POSES // 2):
+            starts.append(step + 1)
+            since, count = 0.0, 1
+    return np.array(starts)
+
+
+def _piece_of(table: Table, first_poses: IntArray) -> IntArray:
+    """The piece that each row belongs to: the last one that starts at or before the pose it was taken from; of a row
+    between two of the robot's own poses, the earlier counts."""
+    observer = table.keys[:, 0]
+    own = (robot_of(table.keys) == table.robot).all(1)
+    observer = np.where(own, table.keys.min(1), observer)
+    place = np.searchsorted(first_poses, observer, side="right") - 1
+    return np.where(is_pose(observer), np.maximum(place, 0), 0)

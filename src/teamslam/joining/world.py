@@ -1,0 +1,33 @@
+"""The frame of a joined map: its first base pose, or the world where something was measured in it.
+
+Positions and poses in the world (GPS, survey) fix the gauge themselves. The start is moved there by one rigid fit over
+them; with too few of them (one in the plane, fewer than three in space) the world leaves the map free to turn, which
+the solver then reports by name.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from teamslam.geometry import IntArray, align, lift_points
+from teamslam.model import Submap, Table, Values
+
+
+def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values, IntArray]:
+    """The start values in the frame of the joined map, and the keys that are held fixed there (the gauge)."""
+    absolute = [t for t in tables if t.row.unary]
+    if not absolute:
+        return start, np.array([root.base])
+    dim = root.base_dim
+    here = np.concatenate([start.positions(t.keys[:, 0], dim) for t in absolute])
+    there = np.concatenate([lift_points(t.values[:, : min(dim, t.dim)], dim) for t in absolute])
+    turned = [t for t in absolute if t.model == "pose" and t.dim == dim]
+    if turned:
+        mine = np.concatenate([start.poses_of(t.keys[:, 0], dim).rotation for t in turned])
+        theirs = np.concatenate([t.values[:, dim:].reshape(-1, dim, dim) for t in turned])
+        return start.transform(align(here, there, source_rotations=mine, target_rotations=theirs).pose), _none()
+    return start.transform(align(here, there).pose), _none()
+
+
+def _none() -> IntArray:
+    return np.zeros(0, np.int64)

@@ -1,0 +1,24 @@
+"""Nonlinear weighted least squares over poses and points. It cannot know what a submap is for."""
+
+from teamslam.solver.covariance import Covariances
+from teamslam.solver.linear import Factor, Matrix, block_matrix
+from teamslam.solver.numeric import linearise_numerically
+from teamslam.solver.optimise import RULES, Options, Solution, Status, Step, optimise
+from teamslam.solver.system import Linearised, SubmapTerm, System
+
+__all__ = [
+    "RULES",
+    "Covariances",
+    "Factor",
+    "Linearised",
+    "Matrix",
+    "Options",
+    "Solution",
+    "Status",
+    "Step",
+    "SubmapTerm",
+    "System",
+    "block_matrix",
+    "linearise_numerically",
+    "optimise",
+]

@@ -1,0 +1,88 @@
+"""Covariances of an estimate, read from its information matrix: of one variable, of several, of one seen from another.
+
+All are in the chart of `geometry.pose`: of a pose [dT, dw], dT in the map's frame [m^2], dw in the pose's own [rad^2].
+"""
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam.geometry import AnyArray, Array, Pose, lift_tangent
+from teamslam.geometry import rotations as group_of
+from teamslam.model import Kind, Layout, Names, Submap, Values
+from teamslam.solver.linear import Factor
+
+
+class Covariances:
+    """The covariances of a map. Factorises once, on first use. Raises SolveError where a variable is not determined.
+
+    The base pose of a map is its frame: it has no uncertainty, and asking for it gives zeros.
+    """
+
+    def __init__(self, layout: Layout, information: sp.csr_array, names: Names | None = None) -> None:
+        self.layout, self._information, self._names = layout, information, names
+
+    @classmethod
+    def of_map(cls, submap: Submap) -> "Covariances":
+        """The covariances of a submap or joined map, in its frame."""
+        return cls(submap.values.layout, submap.information, submap.names)
+
+    @cached_property
+    def _factor(self) -> Factor:
+        return Factor.of(self.layout, self._information, self._names)
+
+    @cached_property
+    def all(self) -> list[Array]:
+        """The marginal covariance of every variable, in the order of the layout; all at once (selected inverse)."""
+        return self._factor.marginals()
+
+    def of(self, key: int) -> Array:
+        """The marginal covariance (dof, dof) of one variable. Raises ModelError for an unknown key."""
+        return self.all[int(self.layout.index(key))]
+
+    def blocks(self, keys: AnyArray) -> list[Array]:
+        """The marginal covariances of several variables, in the order of `keys`."""
+        return [self.all[int(i)] for i in self.layout.index(keys)]
+
+    def joint(self, keys: AnyArray) -> Array:
+        """The joint covariance of several variables, dense, in the order of `keys`."""
+        columns = self.layout.unknowns(np.asarray(keys))
+        unit = np.zeros((self.layout.dof, len(columns)))
+        unit[columns, np.arange(len(columns))] = 1.0
+        covariance = self._factor.solve(unit)[columns]
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    def relative(self, values: Values, observer: int, target: int) -> Array:
+        """The covariance of a target as seen from an observer's pose: of X_o^-1 X_t, or of R_o'(p - T_o).
+
+        `values` is the estimate that the covariances belong to.
+        """
+        joint = self.joint(np.array([observer, target]))
+        kind_o, kind_t = (Kind(int(self.layout.kinds[self.layout.index(k)])) for k in (observer, target))
+        dim = max(kind_o.dim, kind_t.dim)
+        turn, group = lift_tangent(kind_o.dim, dim), group_of(dim)
+        seen_from = values.pose(observer).lift(dim)
+        back = seen_from.rotation.T
+        where = seen_from.unact(values.positions(np.array([target]), dim)[0])
+        d = dim
+        rows = d + (group.DOF if kind_t.is_pose else 0)
+        of_observer = np.zeros((rows, d + group.DOF))
+        of_observer[:d, :d] = -back
+        for k, axis in enumerate(np.eye(group.DOF)):
+            of_observer[:d, d + k] = -group.hat(axis) @ where
+        if kind_t.is_pose:
+            relative = seen_from.between(_pose(values, target).lift(dim))
+            of_observer[d:, d:] = -group.adjoint(relative.rotation.T)
+            of_target = np.zeros((rows, d + group.DOF))
+            of_target[:d, :d] = back
+            of_target[d:, d:] = np.eye(group.DOF)
+            of_target = of_target @ lift_tangent(kind_t.dim, dim)
+        else:
+            of_target = back
+        jacobian = np.concatenate([of_observer @ turn, of_target], 1)
+        return np.asarray(jacobian @ joint @ jacobian.T)
+
+
+def _pose(values: Values, key: int) -> Pose:
+    return values.pose(key)

@@ -1,0 +1,137 @@
+"""The one seam to sparse algebra: symmetric block matrices, factorised by the native kernel.
+
+A `Matrix` is a pattern of blocks with numbers. `Factor` analyses a pattern once and factorises as often as asked:
+solutions, marginal covariances, Schur complements. A pivot that is not positive is an error that names the variable;
+nothing is regularised in silence.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam import kernel
+from teamslam.errors import SolveError
+from teamslam.geometry import Array, IntArray
+from teamslam.model import Layout, Names
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """A symmetric matrix of blocks: the kernel's pattern and its numbers (lower triangle, block by block)."""
+
+    pattern: kernel.BlockPattern
+    numbers: Array
+
+    def to_csr(self) -> sp.csr_array:
+        """The whole matrix, both triangles."""
+        rows, columns = _scalar_places(self.pattern)
+        n = int(self.pattern.dofs.sum())
+        lower = sp.csr_array((self.numbers, (rows, columns)), shape=(n, n))
+        strictly = sp.csr_array(sp.tril(lower, -1))
+        out = sp.csr_array(sp.tril(lower)) + strictly.T
+        return sp.csr_array(out)
+
+    def diagonal(self) -> Array:
+        """The scalar diagonal."""
+        rows, columns = _scalar_places(self.pattern)
+        return np.asarray(self.numbers[rows == columns])
+
+
+def _scalar_places(pattern: kernel.BlockPattern) -> tuple[IntArray, IntArray]:
+    """Row and column of every number of a pattern, in the order in which they are stored."""
+    dofs = np.asarray(pattern.dofs, np.int64)
+    start = np.concatenate([[0], np.cumsum(dofs)])
+    block_row = np.asarray(pattern.row, np.int64)
+    block_column = np.repeat(np.arange(len(dofs)), np.diff(pattern.column_start))
+    height, width = dofs[block_row], dofs[block_column]
+    size = height * width
+    first = np.repeat(np.cumsum(size) - size, size)
+    within = np.arange(int(size.sum())) - first
+    tall = np.repeat(height, size)
+    rows = np.repeat(start[block_row], size) + within % tall
+    columns = np.repeat(start[block_column], size) + within // tall
+    return rows, columns
+
+
+def block_matrix(layout: Layout, matrix: sp.csr_array) -> tuple[kernel.BlockPattern, Array]:
+    """A symmetric sparse matrix over the unknowns of a layout, as the kernel's pattern and numbers."""
+    coo = sp.coo_array(matrix)
+    of_unknown = np.repeat(np.arange(len(layout)), layout.dofs)
+    block_row, block_column = of_unknown[coo.row], of_unknown[coo.col]
+    lower = block_row >= block_column
+    row, column = coo.row[lower], coo.col[lower]
+    block_row, block_column = block_row[lower], block_column[lower]
+    n = len(layout)
+    diagonal = np.arange(n, dtype=np.int64) * (n + 1)
+    code = block_column.astype(np.int64) * n + block_row
+    codes = np.unique(np.concatenate([code, diagonal]))
+    pattern = kernel.BlockPattern(
+        dofs=layout.dofs.astype(np.int32),
+        column_start=np.searchsorted(codes, np.arange(n + 1, dtype=np.int64) * n).astype(np.int64),
+        row=(codes % n).astype(np.int32) if n else np.zeros(0, np.int32),
+    )
+    sizes = layout.dofs[codes % n] * layout.dofs[codes // n] if n else np.zeros(0, np.int64)
+    starts = np.cumsum(sizes) - sizes
+    numbers = np.zeros(int(sizes.sum()))
+    block = np.searchsorted(codes, code)
+    height = layout.dofs[block_row]
+    place = starts[block] + (row - layout.dof_start[block_row]) + (column - layout.dof_start[block_column]) * height
+    numbers[place] = coo.data[lower]
+    return pattern, numbers
+
+
+class Factor:
+    """The Cholesky factor of matrices of one pattern over the unknowns of `layout`.
+
+    `positions` (n, 3), optional, help the fill-reducing order of large problems. `last` names variables (places in the
+    layout) that are eliminated last, for `eliminate`.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        pattern: kernel.BlockPattern,
+        *,
+        positions: Array | None = None,
+        last: IntArray | None = None,
+        names: Names | None = None,
+    ) -> None:
+        self.layout, self.names = layout, names or Names()
+        self._factor = kernel.Factor(pattern, positions=positions, last=last)
+
+    @classmethod
+    def of(cls, layout: Layout, matrix: sp.csr_array, names: Names | None = None) -> "Factor":
+        """The factor of one sparse matrix. Raises SolveError where it is not positive definite."""
+        pattern, numbers = block_matrix(layout, matrix)
+        factor = cls(layout, pattern, names=names)
+        factor.factorise(numbers)
+        return factor
+
+    def factorise(self, numbers: Array, damping: Array | None = None) -> None:
+        """Factorise H + diag(damping). Raises SolveError naming the variable where H is not positive definite."""
+        try:
+            self._factor.factor(numbers, damping)
+        except kernel.NotPositiveDefinite as problem:
+            key = int(self.layout.keys[problem.variable])
+            raise SolveError(
+                f"{self.names.describe(key)} is not determined by the measurements: the information matrix has no "
+                f"positive pivot there; look for what observes it (too few sightings, or a part that nothing connects)"
+            ) from None
+
+    def solve(self, right: Array) -> Array:
+        """H^-1 right, right (n,) or (n, k)."""
+        return np.asarray(self._factor.solve(right))
+
+    def marginals(self) -> list[Array]:
+        """The marginal covariance of every variable, in the order of the layout."""
+        return [np.asarray(block) for block in self._factor.diagonal_inverse()]
+
+    def eliminate(self, numbers: Array, right: Array) -> tuple[Array, Array]:
+        """The Schur complement of H onto `last`, dense, and the right-hand side reduced with it."""
+        try:
+            complement, reduced = self._factor.eliminate(numbers, right)
+        except kernel.NotPositiveDefinite as problem:
+            key = int(self.layout.keys[problem.variable])
+            raise SolveError(f"{self.names.describe(key)} is not determined by the rest of its submap") from None
+        return np.asarray(complement), np.asarray(reduced)

@@ -1,0 +1,179 @@
+"""A least-squares problem: variables, measurement tables and submaps, linearised together.
+
+    F(x) = sum_tables sum_rows rho(|W (z (-) h(x))|^2)  +  sum_submaps |S^ (-) h(G)|^2_I
+
+At x: e(x (+) d) ~ e - J d, so the step solves H d = g with H = sum J'W'W J and g = sum J'W'W e (robust weights inside).
+Built-in sensors and submaps are linearised by the native kernel; a sensor that people added to MODELS enters as blocks
+made in NumPy. Everything above the kernel speaks of keys and Values, everything below of indices and arrays.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam import kernel
+from teamslam.errors import ModelError
+from teamslam.geometry import AnyArray, Array
+from teamslam.model import Layout, Names, Submap, Table, Values, pack
+from teamslam.solver.linear import Matrix, block_matrix
+from teamslam.solver.numeric import linearise_numerically
+
+
+@dataclass(frozen=True, eq=False)
+class SubmapTerm:
+    """A submap as one big measurement (paper, eq. 11): `values` in the frame of `base`, weighed by `information`.
+
+    `slope` (dof,) is an optional linear part: the term costs e'I e + 2 slope'e with e = S^ (-) h(G); the exact join
+    uses it for submaps that are not at their own optimum.
+    """
+
+    base: int
+    values: Values
+    information: sp.csr_array
+    slope: Array | None = None
+
+    @classmethod
+    def of(cls, submap: Submap) -> "SubmapTerm":
+        """The term of a submap at its optimum."""
+        return cls(submap.base, submap.values, submap.information)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A problem at one point: its cost, g, and H over the free unknowns."""
+
+    cost: float
+    gradient: Array
+    hessian: Matrix
+
+
+class System:
+    """The problem over the variables of `layout`; those of `fixed` keep their value and have no unknowns.
+
+    `tables` and `submaps` may only name variables of the layout; a submap whose base is not among them is written in
+    the frame of the problem itself. Raises ModelError for unknown variables or kinds that do not fit.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        *,
+        tables: Sequence[Table] = (),
+        submaps: Iterable[SubmapTerm] = (),
+        fixed: AnyArray = (),  # type: ignore[assignment]
+        names: Names | None = None,
+    ) -> None:
+        self.layout = layout
+        self.names = names or Names()
+        self.tables = tuple(tables)
+        self.submaps = tuple(submaps)
+        held = np.zeros(len(layout), bool)
+        held[layout.index(np.asarray(fixed, np.int64))] = True
+        self.free = layout.select(~held)
+        self._problem = kernel.Problem(layout.kinds.astype(np.int8), held)
+        self._handles = [self._add_table(table) for table in self.tables]
+        self._submap_handles = [self._add_submap(term) for term in self.submaps]
+
+    # --- what the optimiser asks --------------------------------------------------------------------------------
+
+    def linearise(self, values: Values) -> Linearised:
+        """Cost, gradient g and H at `values`."""
+        blocks = self._numeric_blocks(values)
+        cost, gradient, hessian = self._problem.linearise(values.state, blocks)
+        return Linearised(cost, gradient, Matrix(self.pattern, hessian))
+
+    def cost(self, values: Values) -> float:
+        """F at `values`."""
+        return float(self._problem.cost(values.state)) + sum(
+            float(table.loss.cost(np.sum(table.whitened(values) ** 2, -1)).sum())
+            for table in self.tables
+            if not table.row.native
+        )
+
+    def retract(self, values: Values, delta: Array) -> Values:
+        """values (+) delta over the free unknowns."""
+        return Values(values.layout, self._problem.retract(values.state, delta))
+
+    def chi2(self, values: Values) -> float:
+        """The sum of squared whitened residuals, whatever the losses (no factor 1/2)."""
+        of_tables = sum(float(np.sum(self.whitened(i, values) ** 2)) for i in range(len(self.tables)))
+        if all(table.loss.name == "squared" for table in self.tables):
+            return self.cost(values)
+        return of_tables
+
+    def whitened(self, table: int, values: Values) -> Array:
+        """W e (m, rows) of one table."""
+        handle = self._handles[table]
+        if self.tables[table].row.native:
+            return np.asarray(self._problem.residuals(values.state, handle))
+        return self.tables[table].whitened(values)
+
+    @property
+    def rows(self) -> int:
+        """Numbers measured in all."""
+        return sum(table.dof for table in self.tables) + sum(term.values.layout.dof for term in self.submaps)
+
+    @property
+    def pattern(self) -> kernel.BlockPattern:
+        """Which blocks of H are not zero."""
+        return self._problem.pattern
+
+    def set_weights(self, table: int, weights: Array | None) -> None:
+        """Extra weights (m,) on the rows of a table, None for one: what graduated non-convexity turns."""
+        self._problem.set_weights(self._handles[table], weights)
+
+    def set_submap(self, which: int, term: SubmapTerm) -> None:
+        """Put a new estimate, information (of the same structure) and slope in place of a submap's."""
+        _, information = block_matrix(term.values.layout, term.information)
+        self._problem.set_submap(self._submap_handles[which], term.values.state, information, term.slope)
+
+    # --- building -----------------------------------------------------------------------------------------------
+
+    def _add_table(self, table: Table) -> int:
+        index = self.layout.index(table.keys).astype(np.int32)
+        if not table.row.native:
+            return int(self._problem.add_blocks(index, table.row.residual_rows(table.dim)))
+        sensor = None if table.sensor is None else pack(table.sensor.lift(3) if table.dim == 3 else table.sensor)
+        return int(
+            self._problem.add_table(
+                table.model,
+                table.dim,
+                index,
+                table.values,
+                table.whitening,
+                sensor=sensor,
+                loss=table.loss.name,
+                scale=table.loss.scale,
+            )
+        )
+
+    def _add_submap(self, term: SubmapTerm) -> int:
+        local = term.values.layout
+        base = int(self.layout.index(term.base)) if self.layout.contains(term.base) else -1
+        pattern, information = block_matrix(local, term.information)
+        members = self.layout.index(local.keys).astype(np.int32)
+        return int(
+            self._problem.add_submap(
+                base, members, local.kinds.astype(np.int8), term.values.state, pattern, information, term.slope
+            )
+        )
+
+    def _numeric_blocks(self, values: Values) -> dict[int, tuple[Array, Array, float]]:
+        blocks = {}
+        for table, handle in zip(self.tables, self._handles, strict=True):
+            if table.row.native:
+                continue
+            groups = linearise_numerically(table, values)
+            if len(groups) != 1:
+                raise ModelError(f"{table.source} ({table.model}): an added sensor needs one kind of variables a table")
+            error, jacobian = groups[0].error, groups[0].jacobian
+            squared = np.sum(error**2, -1)
+            root = np.sqrt(table.loss.weight(squared))
+            cost = float(table.loss.cost(squared).sum())
+            blocks[handle] = (error * root[:, None], jacobian * root[:, None, None], cost)
+        return blocks
+
+
+Progress = Callable[[str, float], None]
