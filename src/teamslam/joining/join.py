@@ -8,6 +8,7 @@ A join is a pure function of the set of submaps: they are put in order by id bef
 count a measurement twice. Submaps that nothing holds together come back as separate components, with the reason.
 """
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -71,7 +72,7 @@ def join(
 
 
 def in_order(submaps: Iterable[Submap]) -> list[Submap]:
-    """The submaps sorted by the robot and time of their base, then by id; of two versions of one id the newer counts."""
+    """The submaps sorted by the robot and time of their base, then by id; the newest version of each."""
     newest: dict[str, Submap] = {}
     for submap in submaps:
         held = newest.get(submap.id)
@@ -92,12 +93,12 @@ def refuse_double_counting(submaps: Sequence[Submap]) -> None:
             spans.setdefault((stretch.robot, stretch.source), []).append((stretch.start, stretch.stop, submap.id))
     for (robot, source), stretches in spans.items():
         stretches.sort()
-        for before, after in zip(stretches, stretches[1:], strict=False):
+        for before, after in itertools.pairwise(stretches):
             if after[0] < before[1]:
                 raise ModelError(
-                    f"rows {after[0]} to {min(before[1], after[1]) - 1} of the {source} of robot {robot} stand in both submap "
-                    f"{before[2]} and submap {after[2]}; joined, they would count twice and the map would be too sure of "
-                    f"itself. Leave one of the two out"
+                    f"rows {after[0]} to {min(before[1], after[1]) - 1} of the {source} of robot {robot} stand in both "
+                    f"submap {before[2]} and submap {after[2]}; joined, they would count twice and the map would be "
+                    f"too sure of itself. Leave one of the two out"
                 )
 
 
@@ -120,7 +121,7 @@ def _join_cluster(
 
 
 def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
-    """Raw measurements in two parts: those whose variables are all there, and those that must wait for another submap."""
+    """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap."""
     usable, waiting = [], []
     for table in raw:
         ready = layout.contains(table.keys).all(1)

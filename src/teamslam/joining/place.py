@@ -80,7 +80,7 @@ class Sketch:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """How a strand hangs on a cluster: the pose of its frame there, the information on its rotation, what they share."""
+    """How a strand hangs on a cluster: its frame there, the information on that frame's rotation, what they share."""
 
     frame: Pose
     firmness: float
@@ -96,8 +96,8 @@ def place(submaps: Sequence[Submap]) -> Placement:
     sketches = [_sketch_strand(submaps, members, frames) for members, frames in strands]
     planar = [submaps[members[0]].base_dim == 2 for members, _ in strands]
     # Planar robots share the ground, which must be the frame where robots of both kinds meet.
-    waiting = sorted(range(len(strands)), key=lambda s: (not planar[s], min(robot_of(submaps[strands[s][0][0]].base), 1
-    << 20))) clusters: list[Cluster] = []
+    waiting = sorted(range(len(strands)), key=lambda s: (not planar[s], submaps[strands[s][0][0]].base))
+    clusters: list[Cluster] = []
     reasons: list[str] = []
     while waiting:
         root = waiting.pop(0)
@@ -248,7 +248,7 @@ def _why(submap: Submap, link: Link, planar: bool, names: Names) -> str:
     if not len(link.shared):
         return (
             f"{who} share nothing with the map: no common landmark, and neither robot saw the other; "
-            f"{'two common landmarks' if planar else 'three common landmarks'} or one sighting of a robot's pose would join them"
+            f"{'two' if planar else 'three'} common landmarks, or one sighting of a robot's pose, would join them"
         )
     things = [f"landmark {names.landmark(int(k))}" for k in marks[:4]] + [
         names.describe(int(k)) for k in link.shared[is_pose(link.shared)][:2]

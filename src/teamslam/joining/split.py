@@ -17,8 +17,9 @@ HEADING_SIGMA = 0.2  # [rad]: the linearisation error of a submap's start is abo
 MIN_POSES = 10  # shorter pieces cost more to join than they save
 
 
-def split(dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma: float = HEADING_SIGMA) ->
-list[Dataset]:
+def split(
+    dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma: float = HEADING_SIGMA
+) -> list[Dataset]:
     """The pieces of a log, robot by robot and in time order.
 
     `poses_per_piece` cuts by count instead of by the uncertainty of the heading. Law: the pieces' tables together hold

@@ -84,7 +84,7 @@ class Table:
         return replace(self, loss=loss)
 
     def ends(self, values: Values) -> tuple[Pose | None, Pose | Array]:
-        """The observers (None for `unary` models) and the targets of all rows, planar ones lifted where kinds are mixed."""
+        """The observers (None for `unary` models) and targets of all rows, planar ones lifted where kinds are mixed."""
         dim = 2 + int((values.layout.kinds[values.layout.index(self.keys)] % 2).max(initial=0))
         targets = self.keys[:, -1]
         target = values.poses_of(targets, dim) if self.row.targets_pose else values.positions(targets, dim)

@@ -27,7 +27,7 @@ class Group:
 
 
 def linearise_numerically(table: Table, values: Values) -> list[Group]:
-    """The whitened residuals of a table and their Jacobians at `values`, unweighted, grouped by the kinds of variables."""
+    """The whitened residuals of a table and their Jacobians at `values`, unweighted, grouped by kinds of variables."""
     index = values.layout.index(table.keys)
     kinds = values.layout.kinds[index]
     groups = []

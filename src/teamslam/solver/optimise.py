@@ -256,8 +256,9 @@ def optimise(
         if small:
             # The last step is far below what matters; it is taken unless rounding makes it worse than it is worth.
             taken = np.isfinite(after.cost) and actual >= -1e-9 * max(at.cost, 1e-300)
-            history.append(Step(at.cost, decrement, float(np.abs(delta).max()), rule.damping, bool(taken),
-            _since(began))) values, at = (candidate, after) if taken else (values, at)
+            largest = float(np.abs(delta).max())
+            history.append(Step(at.cost, decrement, largest, rule.damping, bool(taken), _since(began)))
+            values, at = (candidate, after) if taken else (values, at)
             status = Status.CONVERGED
             break
         gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
@@ -267,9 +268,7 @@ def optimise(
             flat = abs(actual) <= 1e-12 * at.cost
             status = Status.FLAT if flat else Status.STUCK
             break
-        history.append(
-            Step(at.cost, decrement, float(np.abs(delta).max()), rule.damping, accepted, _since(began))
-        )
+        history.append(Step(at.cost, decrement, float(np.abs(delta).max()), rule.damping, accepted, _since(began)))
         if progress is not None:
             progress(history[-1])
         if accepted:
