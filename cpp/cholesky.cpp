@@ -53,7 +53,7 @@ Cholesky::Cholesky(const BlockPattern& pattern, Ordering ordering, const double*
   std::vector<uint8_t> frozen;
   if (last_count > 0) {
     frozen.assign(static_cast<size_t>(pattern.variables()), 0);
-    for (int32_t k = 0; k < last_count; ++k) frozen[last[k]] = 1;
+    for (int32_t k = 0; k < last_count; ++k) frozen[last[k]] = never_eliminated;
   }
   const Choice choice = chosen(graph, ordering, frozen, positions, last, last_count, threads_);
   auto symbolic = std::make_unique<Symbolic>(analyse(pattern, graph, choice.elimination, last_count));

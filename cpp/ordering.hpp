@@ -22,13 +22,17 @@ struct Graph {
 
 Graph graph_of(const BlockPattern& pattern);
 
-// Approximate minimum degree. Vertices marked in `frozen` (may be empty: none) are never eliminated, but count in the
-// degrees of their neighbours; they are absent from the returned elimination order.
-std::vector<int32_t> minimum_degree(const Graph& graph, const std::vector<uint8_t>& frozen);
+// Vertices with more neighbours than this are set aside by the orderings and come last.
+int64_t dense_degree(int32_t vertices);
 
-// Nested dissection by multilevel vertex separators, leaves by minimum degree with their border frozen. With
-// `positions` (n x 3, row-major) the separators start from geometric bisection instead of coarsening. Frozen vertices
-// as above.
+// Approximate minimum degree. Vertices of a later stage (may be empty: all 0) are eliminated after those of an earlier
+// one; those of stage `never_eliminated` only count in the degrees of their neighbours and are absent from the result.
+constexpr uint8_t never_eliminated = 255;
+std::vector<int32_t> minimum_degree(const Graph& graph, const std::vector<uint8_t>& stage);
+
+// Nested dissection by multilevel vertex separators, minimum degree within. With
+// `positions` (n x 3, row-major) the separators start from geometric bisection instead of coarsening. Vertices marked in
+// `frozen` (may be empty) are absent from the result.
 std::vector<int32_t> nested_dissection(const Graph& graph, const std::vector<uint8_t>& frozen, const double* positions,
                                        int threads);
 

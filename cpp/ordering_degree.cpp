@@ -1,5 +1,5 @@
 // Approximate minimum degree ordering (Amestoy, Davis and Duff 1996, "An approximate minimum degree ordering
-// algorithm"), on a weighted graph and with vertices that may be frozen.
+// algorithm"), on a weighted graph and in stages.
 //
 // The quotient graph holds variables, not yet eliminated, and elements, the cliques that elimination left. A variable
 // lists its elements first and then its remaining variable neighbours; an element lists its variables. Eliminating a
@@ -21,8 +21,8 @@ constexpr int32_t none = -1;
 
 class MinimumDegree {
  public:
-  MinimumDegree(const Graph& graph, const std::vector<uint8_t>& frozen)
-      : n_(graph.size()), frozen_(frozen), weight_(graph.weight), list_(n_), length_(n_), elements_(n_, 0),
+  MinimumDegree(const Graph& graph, const std::vector<uint8_t>& stage)
+      : n_(graph.size()), stage_(stage), weight_(graph.weight), list_(n_), length_(n_), elements_(n_, 0),
         degree_(n_, 0), mark_(n_, 1), next_(n_, none), previous_(n_, none), tail_(n_), follower_(n_, none),
         dead_(n_, 0) {
     load(graph);
@@ -30,10 +30,12 @@ class MinimumDegree {
 
   std::vector<int32_t> order() {
     std::vector<int32_t> pivots;
-    while (free_ > 0) {
-      const int32_t pivot = lowest();
-      pivots.push_back(pivot);
-      eliminate(pivot);
+    while (advance()) {
+      while (free_ > 0) {
+        const int32_t pivot = lowest();
+        pivots.push_back(pivot);
+        eliminate(pivot);
+      }
     }
     std::vector<int32_t> result;
     result.reserve(static_cast<size_t>(n_));
@@ -47,16 +49,32 @@ class MinimumDegree {
   }
 
  private:
-  bool frozen(int32_t v) const { return !frozen_.empty() && frozen_[v]; }
+  int stage(int32_t v) const { return stage_.empty() ? 0 : stage_[v]; }
+  bool frozen(int32_t v) const { return stage(v) != now_; }
+
+  // Frees the vertices of the next stage; false if there is none.
+  bool advance() {
+    int next = never_eliminated;
+    for (int32_t v = 0; v < n_; ++v) {
+      if (weight_[v] > 0 && stage(v) > now_) next = std::min(next, stage(v));
+    }
+    if (next == never_eliminated) return false;
+    now_ = next;
+    for (int32_t v = 0; v < n_; ++v) {
+      if (weight_[v] <= 0 || stage(v) != now_) continue;
+      free_ += weight_[v];
+      insert(v);
+    }
+    return true;
+  }
 
   void load(const Graph& graph) {
-    // The bound on neighbours beyond which a vertex counts as dense.
-    const auto dense = std::max<int64_t>(24, static_cast<int64_t>(10 * std::sqrt(static_cast<double>(n_))));
+    const int64_t dense = dense_degree(n_);
     int64_t total = 0;
     for (int32_t v = 0; v < n_; ++v) {
       tail_[v] = v;
       total += weight_[v];
-      if (graph.start[v + 1] - graph.start[v] > dense && !frozen(v)) {
+      if (graph.start[v + 1] - graph.start[v] > dense && stage(v) != never_eliminated) {
         dead_[v] = 1;
         degree_[v] = static_cast<int32_t>(graph.start[v + 1] - graph.start[v]);
         dense_.push_back(v);
@@ -81,10 +99,6 @@ class MinimumDegree {
       length_[v] = static_cast<int32_t>(static_cast<int64_t>(lists_.size()) - list_[v]);
       degree_[v] = static_cast<int32_t>(degree);
       left_ += weight_[v];
-      if (!frozen(v)) {
-        free_ += weight_[v];
-        insert(v);
-      }
     }
     for (int32_t v : dense_) weight_[v] = 0;
   }
@@ -287,7 +301,7 @@ class MinimumDegree {
         for (int64_t k = list_[i] + 1; k < list_[i] + length_[i]; ++k) mark_[lists_[k]] = stamp_;
         int32_t last = i;
         for (int32_t j = previous_[i]; j != none;) {
-          bool same = length_[j] == length_[i] && elements_[j] == elements_[i] && frozen(i) == frozen(j);
+          bool same = length_[j] == length_[i] && elements_[j] == elements_[i] && stage(i) == stage(j);
           for (int64_t k = list_[j] + 1; same && k < list_[j] + length_[j]; ++k) same = mark_[lists_[k]] == stamp_;
           const int32_t after = previous_[j];
           if (same) {
@@ -326,7 +340,8 @@ class MinimumDegree {
   }
 
   int32_t n_;
-  const std::vector<uint8_t>& frozen_;
+  const std::vector<uint8_t>& stage_;
+  int now_ = -1;
   std::vector<int32_t> weight_;          // of a supervariable; 0: element, merged or set aside
   std::vector<int64_t> list_;            // where the list of a variable or an element begins in lists_
   std::vector<int32_t> length_;          // of that list
@@ -343,8 +358,12 @@ class MinimumDegree {
 
 }  // namespace
 
-std::vector<int32_t> minimum_degree(const Graph& graph, const std::vector<uint8_t>& frozen) {
-  return MinimumDegree(graph, frozen).order();
+int64_t dense_degree(int32_t vertices) {
+  return std::max<int64_t>(24, static_cast<int64_t>(10 * std::sqrt(static_cast<double>(vertices))));
+}
+
+std::vector<int32_t> minimum_degree(const Graph& graph, const std::vector<uint8_t>& stage) {
+  return MinimumDegree(graph, stage).order();
 }
 
 }  // namespace teamslam
