@@ -1,9 +1,9 @@
 """The best rigid motion between two sets of shared points and poses, in closed form.
 
-Minimise over T = (R, t):  sum_k w_k |p_k - (R q_k + t)|^2  +  kappa sum_k w_k |P_k - R Q_k|_F^2 ,
+Minimise over T = (R, t):  sum_k w_k |p_k - (R q_k + t)|^2  +  kappa mean_k |P_k - R Q_k|_F^2 ,   sum_k w_k = 1,
 
 points q -> p (positions of shared poses count among them), rotations Q -> P of shared poses. The translation drops out
-at the centroids, and R is the rotation nearest to M = sum w (p - pbar)(q - qbar)' + kappa sum w P Q': one SVD with the
+at the centroids, and R is the rotation nearest to M = sum w (p - pbar)(q - qbar)' + kappa mean P Q': one SVD with the
 determinant kept at +1 (Kabsch 1976; Umeyama 1991, eq. 40, without the scale).
 """
 
