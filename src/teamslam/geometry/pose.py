@@ -198,7 +198,7 @@ def lift_tangent(dim_from: int, dim_to: int) -> Array:
 
 
 def lift_points(points: Array, dim: int) -> Array:
-    """Points (..., d) in a space of `dim`: those of the plane lie at height 0. ModelError where height would be lost."""
+    """Points (..., d) in a space of `dim`: planar ones lie at height 0. ModelError where height would be lost."""
     if points.shape[-1] > dim:
         raise ModelError("a point in space cannot be put into the plane without loss")
     return np.concatenate([points, np.zeros((*points.shape[:-1], dim - points.shape[-1]))], -1)

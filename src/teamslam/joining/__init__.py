@@ -1,8 +1,23 @@
 """Submaps made from logs, and joined into one map."""
 
 from teamslam.joining.build import build, build_with_solution
+from teamslam.joining.exact import exact_join
 from teamslam.joining.full import full
-from teamslam.joining.join import Component, Joined, join
+from teamslam.joining.join import Component, Exactness, Joined, join
+from teamslam.joining.orders import ORDERS, join_by_tree, join_sequentially
 from teamslam.joining.split import split
 
-__all__ = ["Component", "Joined", "build", "build_with_solution", "full", "join", "split"]
+__all__ = [
+    "ORDERS",
+    "Component",
+    "Exactness",
+    "Joined",
+    "build",
+    "build_with_solution",
+    "exact_join",
+    "full",
+    "join",
+    "join_by_tree",
+    "join_sequentially",
+    "split",
+]

@@ -16,7 +16,7 @@ import numpy as np
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.start import WHOLE, dead_reckoning, place_targets
-from teamslam.model import Dataset, Sources, Submap, Table, is_pose, robot_of
+from teamslam.model import Dataset, Sources, Submap, Table, index_of, is_pose, robot_of
 from teamslam.solver import Options, Solution, Step, System, optimise
 from teamslam.solver.optimise import DEFAULTS
 
@@ -57,7 +57,7 @@ def build_with_solution(
     if not solution.converged:
         raise SolveError(_not_converged(solution))
     submap = Submap(
-        id=id or f"{piece.names.robot(robot)}/{int(base) & (2**51 - 1)}",
+        id=id or f"{piece.names.robot(robot)}/{int(index_of(base))}",
         version=version,
         base=base,
         base_dim=piece.robots[robot],

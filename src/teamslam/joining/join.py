@@ -24,13 +24,34 @@ from teamslam.solver import Options, Solution, Step, SubmapTerm, System, optimis
 from teamslam.solver.optimise import DEFAULTS
 
 
+@dataclass(frozen=True)
+class Exactness:
+    """How far an exact join is from the full least squares over all raw data, and what it took.
+
+    `relative_cost_gap`: the decrease of F still to be had, over F. `gradient_norm`: the gradient of F in the norm of
+    H^-1 (the Newton decrement), in sigmas: no combination of variables is farther than this from the optimum.
+    `max_shift_sigma`: the farthest that any one variable still has to go, in its own sigmas. `join_shift_sigma`: the
+    farthest that any one variable moved from the paper's join. `rounds` and `bytes`: messages up and down, eight
+    bytes a number.
+    """
+
+    relative_cost_gap: float
+    gradient_norm: float
+    max_shift_sigma: float
+    join_shift_sigma: float
+    rounds: int
+    bytes: int
+
+
 @dataclass(frozen=True, eq=False)
 class Component:
-    """Submaps that could be joined: their `map`, the solver's account (None for a submap left alone), and their ids."""
+    """Submaps that could be joined: their `map`, the solver's account (None for a submap left alone), their ids, and
+    after an exact join how exact it is."""
 
     map: Submap
     solution: Solution | None
     members: tuple[str, ...]
+    exactness: Exactness | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +145,7 @@ def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list
     """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap."""
     usable, waiting = [], []
     for table in raw:
-        ready = layout.contains(table.keys).all(1)
+        ready = layout.contains(table.keys).all(axis=1)
         usable += [table.select(ready)] if ready.any() else []
         waiting += [table.select(~ready)] if not ready.all() else []
     return usable, waiting

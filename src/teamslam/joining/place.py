@@ -139,7 +139,7 @@ def strands_of(submaps: Sequence[Submap]) -> list[list[int]]:
     root_of: dict[int, int] = {}
     for number in sorted(range(len(submaps)), key=lambda n: submaps[n].base):
         above = parent[number]
-        root = root_of[above] if above in root_of else number
+        root = root_of.get(above, number)
         root_of[number] = root
         strands.setdefault(root, []).append(number)
     return list(strands.values())

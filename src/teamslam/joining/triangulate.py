@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose
+from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.start import place_targets
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, point_kind
 
@@ -32,7 +32,7 @@ def triangulate(start: Values, tables: Sequence[Table]) -> Values:
         place = _intersect([t.select(t.keys[:, -1] == key) for t in marks], start)
         if place is not None:
             found.setdefault(point_kind(len(place)), []).append((key, place))
-    parts: dict[Kind, tuple[Array, Pose | Array]] = {
+    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {
         kind: (np.array([k for k, _ in points]), np.stack([p for _, p in points])) for kind, points in found.items()
     }
     return start.update(Values.of(parts)) if parts else start

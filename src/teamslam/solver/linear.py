@@ -128,10 +128,17 @@ class Factor:
         return [np.asarray(block) for block in self._factor.diagonal_inverse()]
 
     def eliminate(self, numbers: Array, right: Array) -> tuple[Array, Array]:
-        """The Schur complement of H onto `last`, dense, and the right-hand side reduced with it."""
+        """The Schur complement of H onto `last`, dense, and the right-hand side reduced with it.
+
+        Raises SolveError where what is eliminated is not determined once `last` is given.
+        """
         try:
             complement, reduced = self._factor.eliminate(numbers, right)
         except kernel.NotPositiveDefinite as problem:
             key = int(self.layout.keys[problem.variable])
             raise SolveError(f"{self.names.describe(key)} is not determined by the rest of its submap") from None
         return np.asarray(complement), np.asarray(reduced)
+
+    def back_substitute(self, last: Array, right: Array) -> Array:
+        """The whole solution, once that of the `last` variables is known; `right` as given to `eliminate`."""
+        return np.asarray(self._factor.back_substitute(last, right))
