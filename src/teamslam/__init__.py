@@ -1,1 +1,92 @@
-"""teamslam: several robots, one map."""
+"""teamslam: several robots, one map.
+
+    import teamslam as ts
+
+    dataset = ts.read("MRCLAM_Dataset6")
+    submaps = [ts.build(piece) for piece in ts.split(dataset)]
+    team = ts.join(submaps)
+    print(ts.score(team.map, dataset.truth))
+
+| name                          | what it is                                                            |
+|-------------------------------|-----------------------------------------------------------------------|
+| read, write                   | logs from and to files: read(path) -> Dataset                         |
+| read_submaps, write_submaps   | finished submaps and maps from and to files                           |
+| simulate                      | a team in a made-up world, with its truth                             |
+| split, build, join            | a log in pieces, a submap of each (Algorithm 1), one map (Algorithm 2)|
+| full                          | full least squares over all measurements: the baseline                |
+| score                         | a map against the truth                                               |
+| run, Config                   | all of this in one call, and its options                              |
+| Dataset, Table, Values        | what was seen, and estimates                                          |
+| Submap, Joined, Covariances   | maps, what a join gives, and how sure it is                           |
+| Pose, Loss                    | rigid body poses; how strongly a sighting may pull                    |
+| TeamslamError                 | every error that is raised on purpose                                 |
+
+Each name is imported when it is first used, so that `import teamslam` is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from teamslam.config import Config
+    from teamslam.errors import TeamslamError
+    from teamslam.geometry import Pose
+    from teamslam.io import read, read_submaps, write, write_submaps
+    from teamslam.joining import Joined, build, full, join, split
+    from teamslam.metrics import score
+    from teamslam.model import Dataset, Loss, Submap, Table, Values
+    from teamslam.pipeline import run
+    from teamslam.sim import simulate
+    from teamslam.solver import Covariances
+
+__all__ = [
+    "Config",
+    "Covariances",
+    "Dataset",
+    "Joined",
+    "Loss",
+    "Pose",
+    "Submap",
+    "Table",
+    "TeamslamError",
+    "Values",
+    "build",
+    "full",
+    "join",
+    "read",
+    "read_submaps",
+    "run",
+    "score",
+    "simulate",
+    "split",
+    "write",
+    "write_submaps",
+]
+
+_HOMES = {
+    "teamslam.config": ("Config",),
+    "teamslam.errors": ("TeamslamError",),
+    "teamslam.geometry": ("Pose",),
+    "teamslam.io": ("read", "read_submaps", "write", "write_submaps"),
+    "teamslam.joining": ("Joined", "build", "full", "join", "split"),
+    "teamslam.metrics": ("score",),
+    "teamslam.model": ("Dataset", "Loss", "Submap", "Table", "Values"),
+    "teamslam.pipeline": ("run",),
+    "teamslam.sim": ("simulate",),
+    "teamslam.solver": ("Covariances",),
+}
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"teamslam has no '{name}'; it offers {', '.join(__all__)}")
+    value = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import Submap, Values, robot_of
+from teamslam.model import WORLD, Submap, Values, robot_of
 
 CONFIDENCE = 0.95
 FACTORS = (100, 50, 20, 10, 5, 2)  # how many times regions too small to see are drawn larger
@@ -73,7 +73,8 @@ class Scene:
 
     def extent(self, dim: int) -> float:
         """The longest side of the map [m]."""
-        places = self.map.all_values.positions(self.map.keys, dim)
+        keys = self.map.keys[self.map.keys != WORLD]
+        places = self.map.all_values.positions(keys, dim)
         return float(np.ptp(places, axis=0).max()) or 1.0
 
     def magnification(self, dim: int) -> int:

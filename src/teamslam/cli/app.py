@@ -1,0 +1,62 @@
+"""`teamslam`: the commands together, and what becomes of errors.
+
+    0  done
+    1  the estimate does not exist, did not converge, or parts of the team could not be joined
+    2  something is wrong with the input or the call
+
+An error that teamslam raises on purpose is one message on stderr; anything else is a bug, and shows its traceback.
+"""
+
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from teamslam import __version__
+from teamslam.cli.console import complain
+from teamslam.cli.convert import convert
+from teamslam.cli.demo import demo
+from teamslam.cli.info import info
+from teamslam.cli.paper import paper
+from teamslam.cli.plot import plot
+from teamslam.cli.run import run
+from teamslam.cli.score import score
+from teamslam.cli.simulate import simulate
+from teamslam.errors import SolveError, TeamslamError
+
+DONE, NOT_SOLVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+HELP = """Several robots, one map: landmark SLAM for teams by submap joining.
+
+Start here:
+
+```
+teamslam demo                                  # simulated teams, figures in ./demo, under a minute
+teamslam info MRCLAM_Dataset6                  # what a log holds and what is wrong with it
+teamslam run MRCLAM_Dataset6 --out first-map   # map, covariances, errors, figures
+```
+
+Every command explains itself: `teamslam run --help`.
+Exit codes: 0 done; 1 not converged, or parts could not be joined; 2 bad input or usage.
+"""
+
+app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
+for command in (demo, run, simulate, convert, info, score, plot, paper):
+    app.command(command)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; `arguments` None takes those of the process."""
+    try:
+        command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
+        return command(*bound.args, **bound.kwargs) or DONE
+    except CycloptsError:
+        return BAD_INPUT
+    except SolveError as error:
+        complain(str(error))
+        return NOT_SOLVED
+    except TeamslamError as error:
+        complain(str(error))
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        complain("interrupted; nothing was written")
+        return INTERRUPTED

@@ -1,0 +1,28 @@
+"""Options from a file and from the command line, together: the command line wins."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from teamslam.config import Config
+
+
+def config_for(
+    path: Path | None, *, method: str | None = None, loss: str | None = None, loss_scale: float | None = None
+) -> "Config":
+    """The options of a run. InputError for unknown names, and for a scale that no loss goes with."""
+    from teamslam.config import Config, read_config
+    from teamslam.errors import InputError
+    from teamslam.model import Loss
+
+    config = read_config(path) if path else Config()
+    if method is not None:
+        config = replace(config, method=method)
+    if loss is not None:
+        return replace(config, loss=Loss(loss, 1.0 if loss_scale is None else loss_scale))
+    if loss_scale is not None:
+        if config.loss is None:
+            raise InputError("--loss-scale needs --loss (or a [loss] in the options file)")
+        return replace(config, loss=replace(config.loss, scale=loss_scale))
+    return config

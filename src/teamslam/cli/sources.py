@@ -1,0 +1,30 @@
+"""Maps and truths from whatever the user points at."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from teamslam.model import Submap, Values
+
+
+def maps_in(path: Path) -> "tuple[Submap, ...]":
+    """The maps in a run folder or in a file of maps."""
+    from teamslam.io import read_submaps
+    from teamslam.results import read_run
+
+    return read_run(path).maps if path.is_dir() else tuple(read_submaps(path))
+
+
+def truth_in(path: Path) -> "Values":
+    """The truth in a log, or the map of another run. InputError where there is none."""
+    from teamslam.errors import InputError
+    from teamslam.io import read
+    from teamslam.results import read_run
+    from teamslam.results.folder import is_run
+
+    if path.is_dir() and is_run(path):
+        return read_run(path).maps[0].all_values
+    truth = read(path).truth
+    if truth is None:
+        raise InputError("this log holds no truth; there is nothing to score against", path=path)
+    return truth

@@ -1,0 +1,34 @@
+"""A report in words, for the screen."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What a run came to, as names and values."""
+    rows = [
+        ("status", str(report["status"])),
+        ("objective", f"{report['cost']:.6g}  (chi2 {report['chi2']:.6g}, {report['dof']} degrees of freedom)"),
+        ("went in", f"{report['robots']} robots, {report['poses']} poses, {report['landmarks']} landmarks"),
+        ("robot position RMSE", metres(report["robot_position_rmse_m"])),
+        ("landmark RMSE", metres(report["landmark_rmse_m"])),
+        ("NEES / dof", number(report["nees_per_dof"])),
+        ("took", f"{report['seconds']:.2f} s, {report['iterations']} iterations"),
+    ]
+    if report["dropped"]:
+        reasons = "; ".join(f"{d['count']} {d['reason']}" for d in report["dropped_reasons"])
+        rows.insert(3, ("dropped", f"{report['dropped']} rows: {reasons}"))
+    if report["components"] > 1:
+        rows.insert(1, ("components", f"{report['components']}: the team could not be joined into one map"))
+        rows[2:2] = [("", reason) for reason in report["reasons"]]
+    return rows
+
+
+def metres(value: float | None) -> str:
+    """A length, or why there is none."""
+    return "unknown: no truth" if value is None else f"{value:.4f} m"
+
+
+def number(value: float | None) -> str:
+    """A number, or why there is none."""
+    return "unknown: no truth" if value is None else f"{value:.3f}"

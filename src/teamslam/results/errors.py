@@ -1,0 +1,71 @@
+"""Errors of a map along each robot's way, in the frame of the map, beside the standard deviations it claims.
+
+A map's covariances are relative to its base pose, so the truth is brought into the map by the truth of that pose: then
+the error at the base is 0 and grows away from it, as the covariances say. (Scores such as RMSE align the whole team
+instead.) Where the truth of the base is unknown, the whole team is aligned, and the bands are on the wide side.
+"""
+
+import numpy as np
+
+from teamslam.geometry import Array, Pose, align
+from teamslam.model import WORLD, Submap, Values, is_pose
+from teamslam.results.tables import submap_robots
+from teamslam.solver import Covariances
+from teamslam.viz import ErrorTrack
+
+LABELS = {3: ("x", "y", "heading"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}
+UNITS = {3: ("m", "m", "rad"), 6: ("m", "m", "m", "rad", "rad", "rad")}
+
+
+def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> list[ErrorTrack]:
+    """A track for each robot whose true poses are known; empty where nothing can be compared."""
+    if not truth.layout.contains(submap.values.layout.keys).any():
+        return []
+    true = truth_at_base(submap, truth)
+    tracks = (_track(submap, true, covariances, robot) for robot in submap_robots(submap))
+    return [track for track in tracks if track is not None]
+
+
+def truth_at_base(submap: Submap, truth: Values) -> Values:
+    """The truth in the frame of a map, by the truth of its base pose; by the whole team where that is unknown."""
+    if submap.base != WORLD and truth.layout.contains(submap.base):
+        return truth.transform(truth.pose(submap.base).inverse())
+    return truth_by_team(submap, truth)
+
+
+def truth_by_team(submap: Submap, truth: Values) -> Values:
+    """The truth in the frame of a map, by the best rigid fit of all that both know; as it is for maps of the world.
+
+    Unchanged where the two have nothing in common.
+    """
+    shared = submap.keys[truth.layout.contains(submap.keys) & (submap.keys != WORLD)]
+    if submap.base == WORLD or not len(shared):
+        return truth
+    dim = submap.base_dim
+    here, there = submap.all_values.positions(shared, dim), truth.positions(shared, dim)
+    poses = shared[is_pose(shared)]
+    turned = _turns(submap.all_values, poses, dim), _turns(truth, poses, dim)
+    return truth.transform(align(there, here, source_rotations=turned[1], target_rotations=turned[0]).pose)
+
+
+def _turns(values: Values, keys: Array, dim: int) -> Array:
+    lifted = values.poses_of(keys, 3)
+    poses = lifted if dim == 3 else Pose.from_xytheta(lifted.xytheta())
+    return poses.rotation
+
+
+def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int) -> ErrorTrack | None:
+    keys = submap.trajectory_keys(robot)
+    keys = keys[truth.layout.contains(keys) & (keys != submap.base)]
+    if not len(keys):
+        return None
+    estimate, true = submap.values.only(keys), truth.only(keys)
+    if not np.array_equal(estimate.layout.kinds, true.layout.kinds):
+        return None
+    error = estimate.minus(true).reshape(len(keys), -1)
+    blocks = np.stack(covariances.blocks(estimate.layout.keys))
+    dof = error.shape[-1]
+    nees = np.einsum("ni,ni->n", error, np.linalg.solve(blocks, error[..., None])[..., 0]) / dof
+    sigma = np.sqrt(np.diagonal(blocks, axis1=-2, axis2=-1))
+    stamps = submap.names.stamps_s(estimate.layout.keys)
+    return ErrorTrack(submap.names.robot(robot), stamps, error, sigma, nees, LABELS[dof], UNITS[dof])
