@@ -64,3 +64,9 @@ def scene_of(dim: int, count: int = 30, sd: float = 0.12, truth: bool = True) ->
 def scene(request: pytest.FixtureRequest) -> Scene:
     """The team in the plane and in space."""
     return scene_of(request.param)
+
+
+@pytest.fixture(name="scene_of")
+def make_scene():
+    """The maker of scenes itself."""
+    return scene_of

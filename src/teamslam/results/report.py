@@ -33,6 +33,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "status": solution.status.value if solution else ALONE,
         "cost": sum(m.cost for m in maps),
         "chi2": sum(m.chi2 for m in maps),
+        "objective": solution.cost if solution else maps[0].cost,
         "dof": sum(m.rows - m.dof for m in maps),
         "iterations": solution.iterations if solution else 0,
         "seconds": sum(result.seconds.values()),

@@ -1,0 +1,99 @@
+"""The whole story in one page, in the paper's order:
+
+split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
+-> covariances -> score against the truth, where there is one
+"""
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from teamslam.config import Config
+from teamslam.joining import Joined, build, full, join, split
+from teamslam.metrics import Report, score
+from teamslam.model import Dataset, Submap
+from teamslam.solver import Covariances
+
+T = TypeVar("T")
+Progress = Callable[[str, int, int], None]
+"""Hears the stage, how much of it is done, and of how much (0: nobody knows)."""
+
+DEFAULTS = Config()
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A finished run: what went in, what came out, how long each stage took [s].
+
+    `map` is the first component: the one of the lowest robot. `report` is None where no truth is known. `submaps` is
+    empty for full least squares.
+    """
+
+    config: Config
+    dataset: Dataset
+    submaps: tuple[Submap, ...]
+    joined: Joined
+    covariances: Covariances
+    report: Report | None
+    seconds: dict[str, float]
+
+    @property
+    def map(self) -> Submap:
+        """The joined map."""
+        return self.joined.map
+
+
+def run(dataset: Dataset, config: Config = DEFAULTS, progress: Progress | None = None) -> Result:
+    """Map a team's log by submap joining or by full least squares, as `config.method` says.
+
+    Raises SolveError where a submap or map does not exist; parts that cannot be joined are components of the result.
+    """
+    clock = Clock(progress)
+    log = dataset if config.loss is None else dataset.with_loss(config.loss)
+    submaps: tuple[Submap, ...] = ()
+    if config.method == "full":
+        clock.start("full least squares")
+        joined = full(log, options=config.solver)
+    else:
+        pieces = split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
+        clock.start("building submaps", len(pieces))
+        submaps = tuple(clock.each(build(piece, options=config.solver) for piece in pieces))
+        clock.start("joining submaps")
+        joined = join(submaps, options=config.solver)
+    clock.start("covariances")
+    covariances = Covariances.of_map(joined.map)
+    clock.start("score")
+    report = None if dataset.truth is None else score(joined.map, dataset.truth, covariances=covariances)
+    return Result(config, dataset, submaps, joined, covariances, report, clock.stop())
+
+
+class Clock:
+    """Times the stages of a run and tells `progress` about them."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress = progress or (lambda stage, done, of: None)
+        self._seconds: dict[str, float] = {}
+        self._stage, self._of, self._began = "", 0, time.perf_counter()
+
+    def start(self, stage: str, of: int = 0) -> None:
+        """End the stage before and start the next, of `of` parts (0: nobody knows)."""
+        self.stop()
+        self._stage, self._of, self._began = stage, of, time.perf_counter()
+        self._progress(stage, 0, of)
+
+    def each(self, parts: Iterable[T]) -> tuple[T, ...]:
+        """All parts of a stage, told one by one."""
+        done = []
+        for part in parts:
+            done.append(part)
+            self._progress(self._stage, len(done), self._of)
+        return tuple(done)
+
+    def stop(self) -> dict[str, float]:
+        """End the last stage; the seconds of all."""
+        if self._stage:
+            self._seconds[self._stage] = time.perf_counter() - self._began
+            self._progress(self._stage, self._of or 1, self._of or 1)
+            self._stage = ""
+        return dict(self._seconds)
