@@ -1,6 +1,7 @@
 """Nonlinear weighted least squares over poses and points. It cannot know what a submap is for."""
 
 from teamslam.solver.covariance import Covariances
+from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
 from teamslam.solver.optimise import RULES, Options, Solution, Status, Step, optimise
@@ -10,6 +11,7 @@ __all__ = [
     "RULES",
     "Covariances",
     "Factor",
+    "Graduated",
     "Linearised",
     "Matrix",
     "Options",
@@ -21,4 +23,5 @@ __all__ = [
     "block_matrix",
     "linearise_numerically",
     "optimise",
+    "optimise_graduated",
 ]

@@ -1,0 +1,90 @@
+"""Graduated non-convexity: outliers found without a good start, by turning a convex problem slowly into a robust one.
+
+Truncated least squares counts a measurement with squared whitened residual s in full up to a threshold c^2, and not
+at all beyond. Its surrogate with control mu is convex for mu -> 0 and becomes the truncated loss for mu -> infinity;
+the weight of a measurement on the way is
+
+    w = 1                                  where s <= c^2 mu / (mu + 1)
+    w = 0                                  where s >= c^2 (mu + 1) / mu
+    w = sqrt(c^2 mu (mu + 1) / s) - mu     between
+
+Source: Yang, Antonante, Tzoumas, Carlone, "Graduated Non-Convexity for Robust Spatial Perception" (RA-L 2020), eqs.
+12-14.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from teamslam.errors import InputError
+from teamslam.geometry import Array, BoolArray
+from teamslam.model import Values
+from teamslam.solver.optimise import DEFAULTS, Options, Solution, optimise
+from teamslam.solver.system import System
+
+_GROWTH = 1.4  # of mu per round, the factor of the paper
+_MAX_ROUNDS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Graduated:
+    """A solution with its inliers: `inliers[i]` (m,) for every row of table i; tables that were trusted are all
+    true."""
+
+    solution: Solution
+    inliers: tuple[BoolArray, ...]
+
+    @property
+    def rejected(self) -> int:
+        """How many measurements were counted out."""
+        return sum(int((~mask).sum()) for mask in self.inliers)
+
+
+def optimise_graduated(
+    system: System,
+    start: Values,
+    suspects: Sequence[int],
+    *,
+    probability: float = 0.99,
+    options: Options = DEFAULTS,
+) -> Graduated:
+    """The truncated least squares estimate, where the tables `suspects` (places in system.tables) may hold outliers.
+
+    `probability` is the only knob: the share of good measurements that passes the gate c^2, the quantile of the
+    chi-square distribution with as many degrees of freedom as a row has. The information of the solution is that of
+    the inliers. Raises InputError for a probability outside (0, 1), SolveError as `optimise` does.
+    """
+    if not 0.0 < probability < 1.0:
+        raise InputError(f"the probability of the gate lies between 0 and 1, found {probability}")
+    gates = {i: float(chi2.ppf(probability, _rows(system, i))) for i in suspects}
+    solution = optimise(system, start, options)
+    squared = {i: np.sum(system.whitened(i, solution.values) ** 2, -1) for i in suspects}
+    excess = max((float(s.max(initial=0.0)) / gates[i] for i, s in squared.items()), default=0.0)
+    weights: dict[int, Array] = {i: np.ones(len(s)) for i, s in squared.items()}
+    mu = 1.0 / max(2.0 * excess - 1.0, 1e-6)
+    if excess > 1.0:
+        for _ in range(_MAX_ROUNDS):
+            weights = {i: _weight(s, gates[i], mu) for i, s in squared.items()}
+            for i, w in weights.items():
+                system.set_weights(i, w)
+            solution = optimise(system, solution.values, options)
+            squared = {i: np.sum(system.whitened(i, solution.values) ** 2, -1) for i in suspects}
+            if all(np.all((w == 0.0) | (w == 1.0)) for w in weights.values()) and mu > 1.0:
+                break
+            mu *= _GROWTH
+    inliers = tuple(
+        weights[i] > 0.5 if i in weights else np.ones(len(table), bool) for i, table in enumerate(system.tables)
+    )
+    return Graduated(solution, inliers)
+
+
+def _weight(squared: Array, gate: float, mu: float) -> Array:
+    between = np.sqrt(gate * mu * (mu + 1.0) / np.maximum(squared, 1e-300)) - mu
+    weight = np.where(squared >= gate * (mu + 1.0) / mu, 0.0, between)
+    return np.where(squared <= gate * mu / (mu + 1.0), 1.0, weight)
+
+
+def _rows(system: System, table: int) -> int:
+    return system.tables[table].row.residual_rows(system.tables[table].dim)
