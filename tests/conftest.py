@@ -1,7 +1,8 @@
 """What all tests share: hypothesis settings, and the published data sets where they are at hand.
 
-The data sets are not part of the project (most state no licence). Tests look for their archives in `$TEAMSLAM_DATA`, or
-in `../shared/data` beside the checkout, unpack each once into `.cache/data`, and skip with the reason where it is absent.
+The data sets are not part of the project (most state no licence). Tests look for their archives in `$TEAMSLAM_DATA`,
+or in `../shared/data` beside the checkout, unpack each once into `.cache/data`, and skip with the reason where one is
+absent.
 """
 
 import lzma
@@ -48,7 +49,8 @@ def unpacked(archive: Path, folder: Path) -> Path:
         fresh = Path(tempfile.mkdtemp(dir=folder.parent))
         if archive.name.endswith(".tar.xz"):
             with tarfile.open(archive) as tar:
-                tar.extractall(fresh, filter="data")
+                # Python 3.11.2, which Debian 12 ships, knows no filters yet.
+                tar.extractall(fresh, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
         else:
             with lzma.open(archive) as packed, open(fresh / archive.stem, "wb") as plain:
                 shutil.copyfileobj(packed, plain)

@@ -325,7 +325,7 @@ def _subtract(a: Pose | Array, b: Pose | Array) -> Array:
 def pack(data: Pose | Array) -> Array:
     """Poses or points as rows of the state vector: (..., size)."""
     if isinstance(data, Pose):
-        return np.concatenate([data.translation, data.rotation.reshape(*data.batch, -1)], -1)
+        return np.concatenate([data.translation, data.rotation.reshape(*data.batch, data.dim**2)], -1)
     return np.asarray(data, float)
 
 
