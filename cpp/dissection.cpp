@@ -15,7 +15,7 @@
 namespace teamslam {
 namespace {
 
-constexpr size_t leaf_size = 200;    // vertices; below, minimum degree does as well
+constexpr size_t leaf_size = 600;    // vertices; below, minimum degree does as well
 constexpr int32_t deepest = 60;      // levels of dissection
 constexpr int32_t unassigned = -1;
 

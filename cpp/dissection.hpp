@@ -30,7 +30,7 @@ inline int64_t side_limit(int64_t total) { return total * 3 / 5; }
 // Whether a is better than b: balanced first, then lighter separators, then more equal sides.
 bool better(const Separation& a, const Separation& b, int64_t total);
 
-// Improves a separation by passes of moves out of the separator (Fiduccia and Mattheyses 1982, on vertices as in
+// Improves a separation by pairs of passes of moves out of the separator (Fiduccia and Mattheyses 1982, on vertices as in
 // Hendrickson and Rothberg 1998).
 void refine(const WeightedGraph& graph, Separation& separation, int passes);
 

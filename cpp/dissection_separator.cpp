@@ -12,22 +12,31 @@ namespace teamslam {
 namespace {
 
 constexpr int32_t none = -1;
-constexpr int32_t coarse_enough = 80;
+constexpr int32_t coarse_enough = 50;
 
-// Pairs every vertex with the unmatched neighbour of heaviest edge (lightest vertex among equals), vertices of few
-// neighbours first; left-over vertices that hang on one neighbour are paired with each other. Returns coarse indices.
+// 0 .. n - 1 in an order that has nothing to do with the numbering, the same at every call. Runs of consecutive poses
+// would otherwise be paired in step, and the coarse graph would inherit their regularity.
+std::vector<int32_t> shuffled(int32_t n) {
+  std::vector<int32_t> result(n);
+  std::iota(result.begin(), result.end(), 0);
+  uint64_t state = 88172645463325252ull;  // xorshift (Marsaglia 2003)
+  for (int32_t i = n - 1; i > 0; --i) {
+    state ^= state << 13;
+    state ^= state >> 7;
+    state ^= state << 17;
+    std::swap(result[i], result[static_cast<size_t>(state % static_cast<uint64_t>(i + 1))]);
+  }
+  return result;
+}
+
+// Pairs every vertex with the unmatched neighbour of heaviest edge (lightest vertex among equals), in shuffled order;
+// left-over vertices that hang on one neighbour are paired with each other. Returns coarse indices.
 std::vector<int32_t> contract(const WeightedGraph& graph, int32_t& coarse_size) {
   const int32_t n = graph.size();
   const int64_t heaviest = std::max<int64_t>(1, graph.total * 3 / (2 * coarse_enough));
-  std::vector<int32_t> coarse(n, none), by_degree(n), start;
-  int32_t most = 0;
-  for (int32_t v = 0; v < n; ++v) most = std::max(most, graph.start[v + 1] - graph.start[v]);
-  start.assign(static_cast<size_t>(most) + 2, 0);
-  for (int32_t v = 0; v < n; ++v) ++start[graph.start[v + 1] - graph.start[v] + 1];
-  std::partial_sum(start.begin(), start.end(), start.begin());
-  for (int32_t v = 0; v < n; ++v) by_degree[start[graph.start[v + 1] - graph.start[v]]++] = v;
+  std::vector<int32_t> coarse(n, none);
   coarse_size = 0;
-  for (int32_t v : by_degree) {
+  for (int32_t v : shuffled(n)) {
     if (coarse[v] != none) continue;
     int32_t mate = none, weight = 0;
     for (int32_t k = graph.start[v]; k < graph.start[v + 1]; ++k) {
@@ -137,7 +146,7 @@ Separation grown(const WeightedGraph& graph, int32_t seed) {
 }
 
 Separation separate_coarsest(const WeightedGraph& graph) {
-  constexpr int32_t tries = 10;
+  constexpr int32_t tries = 4;
   Separation best;
   for (int32_t k = 0; k < tries; ++k) {
     const auto seed = static_cast<int32_t>((static_cast<int64_t>(graph.size()) * k) / tries);
