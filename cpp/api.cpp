@@ -1,0 +1,206 @@
+#include "api.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <memory>
+#include <new>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "cholesky.hpp"
+#include "problem.hpp"
+
+struct teamslam_problem {
+  teamslam::Problem problem;
+};
+
+struct teamslam_factor {
+  teamslam::Cholesky cholesky;
+};
+
+namespace {
+
+using teamslam::BlockPattern;
+
+thread_local std::string last_error;
+std::atomic<int32_t> threads{1};
+
+// Runs body, and turns what it throws into a message and `failure`.
+template <class Result, class Body>
+Result guarded(Result failure, const Body& body) {
+  try {
+    return body();
+  } catch (const std::bad_alloc&) {
+    last_error = "out of memory";
+  } catch (const std::exception& error) {
+    last_error = error.what();
+  }
+  return failure;
+}
+
+BlockPattern pattern_of(int64_t variables, const int32_t* dof, const int64_t* column_start, const int32_t* row) {
+  BlockPattern pattern;
+  pattern.dof.assign(dof, dof + variables);
+  pattern.column_start.assign(column_start, column_start + variables + 1);
+  pattern.row.assign(row, row + pattern.column_start.back());
+  pattern.scalar_start.assign(1, 0);
+  for (int32_t size : pattern.dof) pattern.scalar_start.push_back(pattern.scalar_start.back() + size);
+  pattern.value_start.reserve(pattern.row.size() + 1);
+  pattern.value_start.push_back(0);
+  for (int64_t c = 0; c < variables; ++c)
+    for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k)
+      pattern.value_start.push_back(pattern.value_start.back() +
+                                    static_cast<int64_t>(dof[pattern.row[k]]) * dof[c]);
+  return pattern;
+}
+
+}  // namespace
+
+const char* teamslam_error(void) { return last_error.c_str(); }
+
+void teamslam_set_threads(int32_t count) { threads = std::max(1, count); }
+
+teamslam_problem* teamslam_problem_new(int64_t variables, const int32_t* kinds, const uint8_t* fixed) {
+  return guarded<teamslam_problem*>(
+      nullptr, [&] { return new teamslam_problem{teamslam::Problem(variables, kinds, fixed)}; });
+}
+
+void teamslam_problem_free(teamslam_problem* problem) { delete problem; }
+
+int64_t teamslam_add_table(teamslam_problem* problem, int32_t model, int32_t dimension, int64_t rows,
+                           const int64_t* index, const double* z, const double* whitening, int32_t shared_whitening,
+                           const double* sensor, int32_t loss, double scale) {
+  return guarded<int64_t>(-1, [&] {
+    return problem->problem.add_table({static_cast<teamslam::Model>(model), dimension, rows, index, z, whitening,
+                                       shared_whitening != 0, sensor, static_cast<teamslam::Loss>(loss), scale});
+  });
+}
+
+int64_t teamslam_add_submap(teamslam_problem* problem, int64_t base, int64_t members, const int64_t* member,
+                            const int32_t* kind, const double* state, const int64_t* column_start, const int32_t* row,
+                            const double* values, const double* eta) {
+  return guarded<int64_t>(-1, [&] {
+    return problem->problem.add_submap({base, members, member, kind, state, column_start, row, values, eta});
+  });
+}
+
+int64_t teamslam_add_blocks(teamslam_problem* problem, int64_t count, int64_t keys, const int64_t* index,
+                            int64_t residual_rows) {
+  return guarded<int64_t>(-1, [&] { return problem->problem.add_blocks(count, keys, index, residual_rows); });
+}
+
+int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const double* weights) {
+  return guarded<int32_t>(-1, [&] { return problem->problem.table(handle).set_weights(weights), 0; });
+}
+
+int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state, const double* values,
+                            const double* eta) {
+  return guarded<int32_t>(-1, [&] { return problem->problem.submap(handle).set(state, values, eta), 0; });
+}
+
+int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[3]) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.freeze();
+    const BlockPattern& pattern = problem->problem.pattern();
+    sizes[0] = pattern.variables(), sizes[1] = pattern.blocks(), sizes[2] = problem->problem.system_size();
+    return 0;
+  });
+}
+
+void teamslam_pattern(const teamslam_problem* problem, int32_t* dof, int64_t* column_start, int32_t* row) {
+  const BlockPattern& pattern = problem->problem.pattern();
+  std::copy(pattern.dof.begin(), pattern.dof.end(), dof);
+  std::copy(pattern.column_start.begin(), pattern.column_start.end(), column_start);
+  std::copy(pattern.row.begin(), pattern.row.end(), row);
+}
+
+int32_t teamslam_linearise(teamslam_problem* problem, const double* state, int64_t user_blocks, const int64_t* handles,
+                           const double* const* e, const double* const* J, double* system, double* cost) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    std::vector<teamslam::UserLinearisation> user;
+    for (int64_t i = 0; i < user_blocks; ++i) user.push_back({handles[i], e[i], J[i]});
+    *cost = problem->problem.linearise(state, user, threads, system);
+    return 0;
+  });
+}
+
+int32_t teamslam_cost(teamslam_problem* problem, const double* state, double* cost) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    problem->problem.freeze();
+    *cost = problem->problem.cost(state, threads);
+    return 0;
+  });
+}
+
+int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const double* state, double* whitened) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    problem->problem.freeze();
+    problem->problem.table(handle).residuals(state, whitened);
+    return 0;
+  });
+}
+
+int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out) {
+  return guarded<int32_t>(-1, [&] { return problem->problem.retract(state, delta, out), 0; });
+}
+
+teamslam_factor* teamslam_factor_new(int64_t variables, const int32_t* dof, const int64_t* column_start,
+                                     const int32_t* row, int32_t ordering, const double* positions,
+                                     const int32_t* last, int32_t last_count) {
+  return guarded<teamslam_factor*>(nullptr, [&] {
+    return new teamslam_factor{teamslam::Cholesky(pattern_of(variables, dof, column_start, row),
+                                                  static_cast<teamslam::Ordering>(ordering), positions, last,
+                                                  last_count, threads)};
+  });
+}
+
+void teamslam_factor_free(teamslam_factor* factor) { delete factor; }
+
+int32_t teamslam_factorise(teamslam_factor* factor, const double* values, const double* damping, int32_t* pivot) {
+  return guarded<int32_t>(-1, [&] { return *pivot = factor->cholesky.factor(values, damping), 0; });
+}
+
+int32_t teamslam_solve(const teamslam_factor* factor, double* rhs, int64_t columns) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.solve(rhs, columns), 0; });
+}
+
+int32_t teamslam_solve_lower(const teamslam_factor* factor, double* rhs, int64_t columns) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.solve_lower(rhs, columns), 0; });
+}
+
+double teamslam_log_determinant(const teamslam_factor* factor) { return factor->cholesky.log_determinant(); }
+
+int32_t teamslam_inverse_on_pattern(const teamslam_factor* factor, double* values) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.inverse_on_pattern(values), 0; });
+}
+
+int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, double* blocks) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.diagonal_inverse(blocks), 0; });
+}
+
+int32_t teamslam_eliminate(teamslam_factor* factor, const double* values, const double* damping, double* complement,
+                           const double* rhs, double* reduced_rhs, int32_t* pivot) {
+  return guarded<int32_t>(
+      -1, [&] { return *pivot = factor->cholesky.eliminate(values, damping, complement, rhs, reduced_rhs), 0; });
+}
+
+int32_t teamslam_back_substitute(const teamslam_factor* factor, const double* last_solution, double* rhs_inout) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.back_substitute(last_solution, rhs_inout), 0; });
+}
+
+void teamslam_order(const teamslam_factor* factor, int64_t variables, int32_t* order) {
+  std::copy_n(factor->cholesky.order(), variables, order);
+}
+
+void teamslam_statistics(const teamslam_factor* factor, double numbers[4]) {
+  numbers[0] = static_cast<double>(factor->cholesky.factor_nonzeros());
+  numbers[1] = factor->cholesky.flops();
+  numbers[2] = static_cast<double>(factor->cholesky.bytes());
+  numbers[3] = static_cast<double>(factor->cholesky.used());
+}

@@ -1,0 +1,88 @@
+/* The C interface of the kernel: arrays in, arrays out. src/teamslam/kernel.py is its one client.
+ *
+ * Functions that can fail return a negative number (or null) and leave a message in teamslam_error(), which belongs to
+ * the calling thread. Lengths of arrays are the caller's duty; what stands in them is checked here. Conventions, models
+ * and layouts: kinds.hpp, models.hpp, submap_term.hpp, block_matrix.hpp, cholesky.hpp. */
+#ifndef TEAMSLAM_API_H
+#define TEAMSLAM_API_H
+
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define TEAMSLAM_API __declspec(dllexport)
+#else
+#define TEAMSLAM_API __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct teamslam_problem teamslam_problem;
+typedef struct teamslam_factor teamslam_factor;
+
+TEAMSLAM_API const char* teamslam_error(void);
+TEAMSLAM_API void teamslam_set_threads(int32_t threads);
+
+/* --- problems ---------------------------------------------------------------------------------------------------- */
+
+TEAMSLAM_API teamslam_problem* teamslam_problem_new(int64_t variables, const int32_t* kinds, const uint8_t* fixed);
+TEAMSLAM_API void teamslam_problem_free(teamslam_problem* problem);
+
+/* These return the handle of the new term. sensor, eta may be null. */
+TEAMSLAM_API int64_t teamslam_add_table(teamslam_problem* problem, int32_t model, int32_t dimension, int64_t rows,
+                                        const int64_t* index, const double* z, const double* whitening,
+                                        int32_t shared_whitening, const double* sensor, int32_t loss, double scale);
+TEAMSLAM_API int64_t teamslam_add_submap(teamslam_problem* problem, int64_t base, int64_t members,
+                                         const int64_t* member, const int32_t* kind, const double* state,
+                                         const int64_t* column_start, const int32_t* row, const double* values,
+                                         const double* eta);
+TEAMSLAM_API int64_t teamslam_add_blocks(teamslam_problem* problem, int64_t count, int64_t keys, const int64_t* index,
+                                         int64_t residual_rows);
+TEAMSLAM_API int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const double* weights);
+TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state,
+                                         const double* values, const double* eta);
+
+/* Fixes the structure. sizes: free variables, blocks, numbers of the linear system. */
+TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[3]);
+TEAMSLAM_API void teamslam_pattern(const teamslam_problem* problem, int32_t* dof, int64_t* column_start, int32_t* row);
+
+/* system: [values of H | g | working room]. Each user's block must be named once: its e and J, whitened and weighted. */
+TEAMSLAM_API int32_t teamslam_linearise(teamslam_problem* problem, const double* state, int64_t user_blocks,
+                                        const int64_t* handles, const double* const* e, const double* const* J,
+                                        double* system, double* cost);
+TEAMSLAM_API int32_t teamslam_cost(teamslam_problem* problem, const double* state, double* cost);
+TEAMSLAM_API int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const double* state,
+                                        double* whitened);
+TEAMSLAM_API int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out);
+
+/* --- Cholesky factors -------------------------------------------------------------------------------------------- */
+
+/* ordering: 0 automatic, 1 minimum degree, 2 nested dissection, 3 geometric, 4 natural. positions, last may be null. */
+TEAMSLAM_API teamslam_factor* teamslam_factor_new(int64_t variables, const int32_t* dof, const int64_t* column_start,
+                                                  const int32_t* row, int32_t ordering, const double* positions,
+                                                  const int32_t* last, int32_t last_count);
+TEAMSLAM_API void teamslam_factor_free(teamslam_factor* factor);
+
+/* pivot: -1, or the variable at which a pivot was not positive. */
+TEAMSLAM_API int32_t teamslam_factorise(teamslam_factor* factor, const double* values, const double* damping,
+                                        int32_t* pivot);
+TEAMSLAM_API int32_t teamslam_solve(const teamslam_factor* factor, double* rhs, int64_t columns);
+TEAMSLAM_API int32_t teamslam_solve_lower(const teamslam_factor* factor, double* rhs, int64_t columns);
+TEAMSLAM_API double teamslam_log_determinant(const teamslam_factor* factor);
+TEAMSLAM_API int32_t teamslam_inverse_on_pattern(const teamslam_factor* factor, double* values);
+TEAMSLAM_API int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, double* blocks);
+TEAMSLAM_API int32_t teamslam_eliminate(teamslam_factor* factor, const double* values, const double* damping,
+                                        double* complement, const double* rhs, double* reduced_rhs, int32_t* pivot);
+TEAMSLAM_API int32_t teamslam_back_substitute(const teamslam_factor* factor, const double* last_solution,
+                                              double* rhs_inout);
+/* order: the variable at each elimination position. */
+TEAMSLAM_API void teamslam_order(const teamslam_factor* factor, int64_t variables, int32_t* order);
+/* numbers: nonzeros of L, flops of one factorisation, bytes held, the ordering used. */
+TEAMSLAM_API void teamslam_statistics(const teamslam_factor* factor, double numbers[4]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,212 @@
+#include "problem.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "checks.hpp"
+#include "lie.hpp"
+#include "threads.hpp"
+
+namespace teamslam {
+
+namespace {
+
+// Multiplications in a chunk: about 0.2 ms, so that a chunk repays the handover to another thread.
+constexpr double chunk_work = 5e5;
+constexpr int32_t most_chunks = 64;
+
+// Runs body(chunk) for all chunks; whichever thread is idle takes the next.
+template <class Body>
+void for_each_chunk(int32_t chunks, int threads, const Body& body) {
+  if (chunks == 1 || threads == 1) {
+    for (int32_t chunk = 0; chunk < chunks; ++chunk) body(chunk);
+    return;
+  }
+  std::atomic<int32_t> next{0};
+  run_team(std::min<int>(threads, chunks), [&](Team&) {
+    for (int32_t chunk = next++; chunk < chunks; chunk = next++) body(chunk);
+  });
+}
+
+double sum_of(const std::vector<double>& numbers) {
+  double sum = 0.0;
+  for (double number : numbers) sum += number;
+  return sum;
+}
+
+}  // namespace
+
+Problem::Problem(int64_t variables, const int32_t* kinds_, const uint8_t* fixed) {
+  require(variables > 0, "a problem needs at least one variable");
+  variables_.offset.push_back(0);
+  for (int64_t v = 0; v < variables; ++v) {
+    require(kinds_[v] >= 0 && kinds_[v] < kinds, "variable " + std::to_string(v) + " has kind " +
+                                                     std::to_string(kinds_[v]) +
+                                                     "; expected 0 pose2, 1 pose3, 2 point2 or 3 point3");
+    const Kind kind = static_cast<Kind>(kinds_[v]);
+    variables_.kind.push_back(kind);
+    variables_.offset.push_back(variables_.offset.back() + numbers(kind));
+    variables_.free.push_back(fixed[v] ? held : static_cast<int32_t>(free_variables_.size()));
+    if (!fixed[v]) free_variables_.push_back(static_cast<int32_t>(v));
+  }
+}
+
+void Problem::check_open() const {
+  require(!frozen_, "the problem's structure is fixed by its first use; add all terms before");
+}
+
+int64_t Problem::add_table(const TableInput& input) {
+  check_open();
+  terms_.push_back(std::make_unique<Table>(variables_, input));
+  return static_cast<int64_t>(terms_.size()) - 1;
+}
+
+int64_t Problem::add_submap(const SubmapInput& input) {
+  check_open();
+  terms_.push_back(std::make_unique<SubmapTerm>(variables_, input));
+  return static_cast<int64_t>(terms_.size()) - 1;
+}
+
+int64_t Problem::add_blocks(int64_t count, int64_t keys, const int64_t* index, int64_t residual_rows) {
+  check_open();
+  terms_.push_back(std::make_unique<UserBlocks>(variables_, count, keys, index, residual_rows));
+  return static_cast<int64_t>(terms_.size()) - 1;
+}
+
+template <class Kind_>
+Kind_& Problem::find(int64_t handle, const char* name) {
+  Kind_* term = nullptr;
+  if (handle >= 0 && handle < static_cast<int64_t>(terms_.size()))
+    term = dynamic_cast<Kind_*>(terms_[static_cast<std::size_t>(handle)].get());
+  require(term != nullptr, "handle " + std::to_string(handle) + " is no " + name + " of this problem");
+  return *term;
+}
+
+template Table& Problem::find<Table>(int64_t, const char*);
+template SubmapTerm& Problem::find<SubmapTerm>(int64_t, const char*);
+template UserBlocks& Problem::find<UserBlocks>(int64_t, const char*);
+
+void Problem::freeze() {
+  if (frozen_) return;
+  const std::vector<int32_t> chunk_of_variable = cut_into_chunks();
+  Couplings couplings;
+  for (auto& term : terms_) {
+    term->arrange(chunk_of_variable, chunks_);
+    term->couple(couplings);
+  }
+  std::vector<int32_t> dofs;
+  for (int32_t v : free_variables_) dofs.push_back(dof(variables_.kind[v]));
+  std::vector<int64_t> block_of_slot;
+  pattern_ = couplings.pattern(std::move(dofs), block_of_slot);
+  place_terms(block_of_slot);
+  frozen_ = true;
+}
+
+// Runs of consecutive variables with about equal work, whatever the number of threads.
+std::vector<int32_t> Problem::cut_into_chunks() {
+  std::vector<double> work(variables_.count(), 0.0);
+  for (const auto& term : terms_) term->weigh(work);
+  const double total = sum_of(work);
+  chunks_ = static_cast<int32_t>(std::clamp(total / chunk_work, 1.0, static_cast<double>(most_chunks)));
+  std::vector<int32_t> chunk_of_variable(variables_.count());
+  double before = 0.0;
+  for (int64_t v = 0; v < variables_.count(); ++v) {
+    const double share = total > 0.0 ? before / total : 0.0;
+    chunk_of_variable[v] = std::min(chunks_ - 1, static_cast<int32_t>(share * chunks_));
+    before += work[v];
+  }
+  return chunk_of_variable;
+}
+
+void Problem::place_terms(const std::vector<int64_t>& block_of_slot) {
+  Layout layout(pattern_, block_of_slot);
+  for (int32_t chunk = 0; chunk < chunks_; ++chunk) {
+    layout.claim(chunk);
+    for (auto& term : terms_) term->place(chunk, layout);
+  }
+  for (int32_t chunk = 0; chunk < chunks_; ++chunk) {
+    layout.place(chunk);
+    for (auto& term : terms_) term->place(chunk, layout);
+  }
+  system_size_ = layout.size();
+  spills_ = layout.spills();
+}
+
+double Problem::linearise(const double* state, const std::vector<UserLinearisation>& user, int threads,
+                          double* system) {
+  freeze();
+  std::fill_n(system, system_size_, 0.0);
+  std::vector<const UserBlocks*> user_blocks;
+  for (const UserLinearisation& part : user) user_blocks.push_back(&blocks(part.handle));
+  std::vector<double> costs(chunks_, 0.0);
+  for_each_chunk(chunks_, threads, [&](int32_t chunk) {
+    for (const auto& term : terms_) costs[chunk] += term->linearise(chunk, state, system);
+    for (std::size_t i = 0; i < user.size(); ++i) user_blocks[i]->add(chunk, user[i].e, user[i].J, system);
+  });
+  for (const Layout::Spill& spill : spills_)
+    for (int64_t i = 0; i < spill.length; ++i) system[spill.target + i] += system[spill.source + i];
+  return sum_of(costs);
+}
+
+double Problem::cost(const double* state, int threads) const {
+  std::vector<double> costs(chunks_, 0.0);
+  for_each_chunk(chunks_, threads, [&](int32_t chunk) {
+    for (const auto& term : terms_) costs[chunk] += term->cost(chunk, state);
+  });
+  return sum_of(costs);
+}
+
+namespace {
+
+// R <- R Exp(w), brought back to the rotations by one Newton step, R (3 I - R'R) / 2, so that rounding never piles up.
+template <int D>
+void turn(const double* R, const double* w, double* out) {
+  double step[turn_dof(D)], rotation[D * D], start[D * D], turned[D * D], square[D * D];
+  bool still = true;
+  for (int i = 0; i < turn_dof(D); ++i) {
+    step[i] = w[i];
+    still = still && w[i] == 0.0;
+  }
+  if (still) return;
+  std::copy_n(R, D * D, start);
+  exp_rotation(step, rotation);
+  multiply<D>(start, rotation, turned);
+  multiply_transposed<D>(turned, turned, square);
+  for (int i = 0; i < D * D; ++i) square[i] = (i % (D + 1) == 0 ? 1.5 : 0.0) - 0.5 * square[i];
+  multiply<D>(turned, square, rotation);
+  std::copy_n(rotation, D * D, out);
+}
+
+}  // namespace
+
+void Problem::retract(const double* state, const double* delta, double* out) const {
+  std::copy_n(state, variables_.numbers(), out);
+  for (int32_t v : free_variables_) {
+    const Kind kind = variables_.kind[v];
+    const int D = dimension(kind);
+    double* x = out + variables_.offset[v];
+    for (int i = 0; i < D; ++i) x[i] += delta[i];
+    if (kind == Kind::pose2) turn<2>(x + D, delta + D, x + D);
+    if (kind == Kind::pose3) turn<3>(x + D, delta + D, x + D);
+    delta += dof(kind);
+  }
+}
+
+void Problem::check_state(const double* state) const {
+  if (!all_finite(state, variables_.numbers()))
+    for (int64_t v = 0; v < variables_.count(); ++v)
+      require(all_finite(state + variables_.offset[v], numbers(variables_.kind[v])),
+              "the state of variable " + std::to_string(v) + " is not finite");
+  for (int64_t v = 0; v < variables_.count(); ++v) {
+    const Kind kind = variables_.kind[v];
+    if (!is_pose(kind)) continue;
+    const int D = dimension(kind);
+    if (!is_rotation(state + variables_.offset[v] + D, D))
+      throw std::invalid_argument("the rotation of variable " + std::to_string(v) + " is none; expected T, then R row by row");
+  }
+}
+
+}  // namespace teamslam

@@ -1,0 +1,348 @@
+#include "submap_term.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "checks.hpp"
+#include "models_pose.hpp"
+#include "models_sighting.hpp"
+
+namespace teamslam {
+
+namespace {
+
+constexpr int largest = 36;  // numbers of the largest Jacobian
+
+// X = A_r' I A_c for one stored block I (n_r x n_c, column-major) and row-major Jacobians, added to H.
+template <int n_r, int d_r, int n_c, int d_c>
+void add_block(const double* I, const double* A_r, const double* A_c, double* target, bool transposed) {
+  double half[n_r * d_c] = {}, X[d_r * d_c] = {};
+  for (int k = 0; k < n_c; ++k)
+    for (int i = 0; i < n_r; ++i)
+      for (int q = 0; q < d_c; ++q) half[d_c * i + q] += I[n_r * k + i] * A_c[d_c * k + q];
+  for (int i = 0; i < n_r; ++i)
+    for (int p = 0; p < d_r; ++p)
+      for (int q = 0; q < d_c; ++q) X[d_c * p + q] += A_r[d_r * i + p] * half[d_c * i + q];
+  if (transposed)
+    for (int i = 0; i < d_r * d_c; ++i) target[i] += X[i];
+  else
+    for (int p = 0; p < d_r; ++p)
+      for (int q = 0; q < d_c; ++q) target[d_r * q + p] += X[d_c * p + q];
+}
+
+// A member has (estimate's unknowns, variable's unknowns) of one of four shapes.
+constexpr std::array<std::pair<int, int>, 4> shapes = {{{2, 2}, {3, 3}, {6, 6}, {6, 3}}};
+using AddBlock = void (*)(const double*, const double*, const double*, double*, bool);
+
+template <std::size_t r, std::size_t... c>
+constexpr std::array<AddBlock, 4> add_block_row(std::index_sequence<c...>) {
+  return {&add_block<shapes[r].first, shapes[r].second, shapes[c].first, shapes[c].second>...};
+}
+constexpr auto four = std::make_index_sequence<4>{};
+constexpr std::array<std::array<AddBlock, 4>, 4> add_blocks = {add_block_row<0>(four), add_block_row<1>(four),
+                                                               add_block_row<2>(four), add_block_row<3>(four)};
+
+int shape_of(int estimate_dof, int variable_dof) {
+  return estimate_dof == 2 ? 0 : estimate_dof == 3 ? 1 : variable_dof == 6 ? 2 : 3;
+}
+
+// target (n x n) += (X + X') / 2: the diagonal blocks of H are symmetric to the last bit.
+void add_symmetric(const double* X, int n, double* target) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) target[n * i + j] += 0.5 * (X[n * i + j] + X[n * j + i]);
+}
+
+// y += B x for `columns` right-hand sides, row-major; B is n x m, column-major.
+void add_times(const double* B, int n, int m, const double* x, int columns, double* y) {
+  for (int j = 0; j < m; ++j)
+    for (int i = 0; i < n; ++i)
+      for (int c = 0; c < columns; ++c) y[columns * i + c] += B[n * j + i] * x[columns * j + c];
+}
+void add_transposed_times(const double* B, int n, int m, const double* x, int columns, double* y) {
+  for (int j = 0; j < m; ++j)
+    for (int i = 0; i < n; ++i)
+      for (int c = 0; c < columns; ++c) y[columns * j + c] += B[n * j + i] * x[columns * i + c];
+}
+
+template <int D>
+Pose<D> frame_of(Kind kind, const double* x) {  // x null: the world
+  if (x == nullptr) {
+    Pose<D> identity{};
+    for (int i = 0; i < D; ++i) identity.R[(D + 1) * i] = 1.0;
+    return identity;
+  }
+  if constexpr (D == 3)
+    if (kind == Kind::pose3) return load_pose<3, Kind::pose3>(x);
+  return load_pose<D, Kind::pose2>(x);
+}
+
+// A variable's view of the frame and of the member, as Jacobians of the local estimate's residual.
+struct Residual {
+  double e[6];
+  double J_base[largest], J_member[largest];  // estimate's unknowns x lifted unknowns
+  int rows = 0, base_columns = 0, member_columns = 0;
+};
+
+template <int D>
+void pose_residual(const double* s, Kind base, const double* x_b, Kind kind, const double* x_v, Residual& r) {
+  const Pose<D> z = load_pose<D, D == 2 ? Kind::pose2 : Kind::pose3>(s);
+  relate<D, true>(z, frame_of<D>(base, x_b), frame_of<D>(kind, x_v), r.e, r.J_base, r.J_member);
+  r.rows = r.base_columns = r.member_columns = pose_dof(D);
+}
+
+template <int D>
+void point_residual(const double* s, Kind base, const double* x_b, const double* x_v, Residual& r) {
+  double p[D];
+  std::copy_n(x_v, D, p);
+  sight<PointMeasure<D>, D, true>(s, frame_of<D>(base, x_b), p, r.e, r.J_base, r.J_member);
+  r.rows = r.member_columns = D, r.base_columns = pose_dof(D);
+}
+
+void evaluate(Kind estimate, const double* s, Kind base, const double* x_b, Kind kind, const double* x_v, Residual& r) {
+  switch (estimate) {
+    case Kind::pose2: return pose_residual<2>(s, base, x_b, kind, x_v, r);
+    case Kind::pose3: return pose_residual<3>(s, base, x_b, kind, x_v, r);
+    case Kind::point2: return point_residual<2>(s, base, x_b, x_v, r);
+    case Kind::point3: return point_residual<3>(s, base, x_b, x_v, r);
+  }
+}
+
+void take_columns(const double* J, int rows, int columns, Kind kind, double* out) {
+  const int n = dof(kind), D = columns == 6 ? 3 : 2;
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < n; ++j) out[n * i + j] = J[columns * i + (is_pose(kind) ? pose_column(kind, D, j) : j)];
+}
+
+}  // namespace
+
+struct SubmapTerm::Jacobians {
+  std::vector<double> member;  // `largest` numbers each, estimate's unknowns x variable's, row-major
+  std::vector<double> base;    // all estimates' unknowns x base's
+};
+
+SubmapTerm::SubmapTerm(const Variables& variables, const SubmapInput& input)
+    : variables_(variables), base_(static_cast<int32_t>(input.base)) {
+  require(input.members > 0, "submap: it has no members");
+  require(input.base >= -1 && input.base < variables.count(),
+          "submap: the base is variable " + std::to_string(input.base) + ", but there are " +
+              std::to_string(variables.count()) + " (-1: the frame is the world's)");
+  require(base_ < 0 || is_pose(variables.kind[base_]), "submap: the base is not a pose");
+  std::vector<uint8_t> seen(variables.count(), 0);
+  if (base_ >= 0) seen[base_] = 1;
+  int64_t numbers_so_far = 0;
+  pattern_.scalar_start.push_back(0);
+  for (int64_t i = 0; i < input.members; ++i) {
+    const std::string here = "submap: member " + std::to_string(i) + ": ";
+    const int64_t variable = input.member[i];
+    require(variable >= 0 && variable < variables.count(),
+            here + "names variable " + std::to_string(variable) + ", but there are " +
+                std::to_string(variables.count()));
+    require(!seen[variable], here + "variable " + std::to_string(variable) + " comes twice, or is the base");
+    seen[variable] = 1;
+    const Kind kind = static_cast<Kind>(input.kind[i]), global = variables.kind[variable];
+    require(kind == global || (kind == Kind::pose3 && global == Kind::pose2),
+            here + "a " + name_of(kind) + " cannot be the estimate of a " + name_of(global));
+    require(base_ < 0 || dimension(variables.kind[base_]) <= dimension(kind),
+            here + "a " + name_of(kind) + " cannot be seen from a base in space");
+    members_.push_back({static_cast<int32_t>(variable), kind, numbers_so_far, 0, 0, held, 0});
+    numbers_so_far += numbers(kind);
+    pattern_.dof.push_back(dof(kind));
+    pattern_.scalar_start.push_back(pattern_.scalar_start.back() + dof(kind));
+  }
+  state_.resize(numbers_so_far);
+  check_pattern(input);
+  pattern_.column_start.assign(input.column_start, input.column_start + input.members + 1);
+  pattern_.row.assign(input.row, input.row + pattern_.column_start.back());
+  int64_t values = 0;
+  for (int64_t c = 0; c < input.members; ++c)
+    for (int64_t k = pattern_.column_start[c]; k < pattern_.column_start[c + 1]; ++k) {
+      pattern_.value_start.push_back(values);
+      values += static_cast<int64_t>(pattern_.dof[pattern_.row[k]]) * pattern_.dof[c];
+    }
+  pattern_.value_start.push_back(values);
+  values_.resize(values);
+  eta_.resize(pattern_.scalars());
+  set(input.state, input.values, input.eta);
+}
+
+void SubmapTerm::check_pattern(const SubmapInput& input) const {
+  require(input.column_start[0] == 0, "submap: the information's pattern does not start at block 0");
+  for (int64_t c = 0; c < input.members; ++c) {
+    const int64_t begin = input.column_start[c], end = input.column_start[c + 1];
+    require(end > begin && input.row[begin] == c,
+            "submap: column " + std::to_string(c) + " of the information does not begin with its diagonal block");
+    for (int64_t k = begin + 1; k < end; ++k)
+      require(input.row[k] > input.row[k - 1] && input.row[k] < input.members,
+              "submap: the rows of column " + std::to_string(c) + " of the information do not rise within the members");
+  }
+}
+
+void SubmapTerm::set(const double* state, const double* values, const double* eta) {
+  require(all_finite(state, static_cast<int64_t>(state_.size())), "submap: the state has a number that is not finite");
+  require(all_finite(values, static_cast<int64_t>(values_.size())),
+          "submap: the information has a number that is not finite");
+  require(!eta || all_finite(eta, static_cast<int64_t>(eta_.size())), "submap: eta has a number that is not finite");
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const int D = dimension(members_[i].kind);
+    require(!is_pose(members_[i].kind) || is_rotation(state + members_[i].state + D, D),
+            "submap: the rotation of member " + std::to_string(i) + " is none; expected T, then R row by row");
+  }
+  std::copy_n(state, state_.size(), state_.data());
+  std::copy_n(values, values_.size(), values_.data());
+  if (eta)
+    std::copy_n(eta, eta_.size(), eta_.data());
+  else
+    std::fill(eta_.begin(), eta_.end(), 0.0);
+}
+
+int32_t SubmapTerm::owner() const { return base_ >= 0 ? base_ : members_[0].variable; }
+
+void SubmapTerm::weigh(std::vector<double>& work) const {
+  work[owner()] += 200.0 * static_cast<double>(members_.size()) + 8.0 * static_cast<double>(pattern_.size());
+}
+
+void SubmapTerm::arrange(const std::vector<int32_t>& chunk_of_variable, int32_t) {
+  chunk_ = chunk_of_variable[owner()];
+}
+
+void SubmapTerm::couple(Couplings& couplings) {
+  for (int32_t c = 0; c < pattern_.variables(); ++c)
+    for (int64_t k = pattern_.column_start[c] + 1; k < pattern_.column_start[c + 1]; ++k)
+      slots_.push_back(couplings.add(free_of(members_[pattern_.row[k]]), free_of(members_[c])));
+  if (base_ < 0) return;
+  for (Member& member : members_) member.base_slot = couplings.add(free_of(member), variables_.free[base_]);
+}
+
+void SubmapTerm::place(int32_t chunk, Layout& layout) {
+  if (chunk != chunk_) return;
+  const auto placed = [&](int64_t slot, bool transposed) {
+    const int64_t start = layout.coupling(slot);
+    return transposed ? ~start : start;
+  };
+  blocks_.clear();
+  for (int32_t c = 0, next = 0; c < pattern_.variables(); ++c)
+    for (int64_t k = pattern_.column_start[c] + 1; k < pattern_.column_start[c + 1]; ++k)
+      blocks_.push_back(placed(slots_[next++], free_of(members_[pattern_.row[k]]) < free_of(members_[c])));
+  for (Member& member : members_) {
+    member.diagonal = layout.diagonal(free_of(member));
+    member.gradient = layout.gradient(free_of(member));
+    if (base_ >= 0) member.base_block = placed(member.base_slot, free_of(member) < variables_.free[base_]);
+  }
+  if (base_ < 0) return;
+  base_diagonal_ = layout.diagonal(variables_.free[base_]);
+  base_gradient_ = layout.gradient(variables_.free[base_]);
+}
+
+// e, and if wanted the Jacobians A_v and A_b.
+void SubmapTerm::residual(const double* state, double* e, Jacobians* jacobians) const {
+  const Kind base = base_ >= 0 ? variables_.kind[base_] : Kind::pose2;
+  const double* x_b = base_ >= 0 ? state + variables_.offset[base_] : nullptr;
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const Member& member = members_[i];
+    const Kind kind = variables_.kind[member.variable];
+    Residual r;
+    evaluate(member.kind, state_.data() + member.state, base, x_b, kind, state + variables_.offset[member.variable], r);
+    std::copy_n(r.e, r.rows, e + pattern_.scalar_start[i]);
+    if (!jacobians) continue;
+    take_columns(r.J_member, r.rows, r.member_columns, kind, jacobians->member.data() + largest * i);
+    take_columns(r.J_base, r.rows, r.base_columns, base,
+                 jacobians->base.data() + dof(base) * pattern_.scalar_start[i]);
+  }
+}
+
+// Ie + eta; returns e'Ie + 2 eta'e.
+double SubmapTerm::weigh_residual(const double* e, double* weighted) const {
+  std::copy(eta_.begin(), eta_.end(), weighted);
+  for (int32_t c = 0; c < pattern_.variables(); ++c)
+    for (int64_t k = pattern_.column_start[c]; k < pattern_.column_start[c + 1]; ++k) {
+      const int32_t r = pattern_.row[k];
+      const double* I = values_.data() + pattern_.value_start[k];
+      const int64_t at_r = pattern_.scalar_start[r], at_c = pattern_.scalar_start[c];
+      add_times(I, pattern_.dof[r], pattern_.dof[c], e + at_c, 1, weighted + at_r);
+      if (r != c) add_transposed_times(I, pattern_.dof[r], pattern_.dof[c], e + at_r, 1, weighted + at_c);
+    }
+  double cost = 0.0;
+  for (int64_t i = 0; i < pattern_.scalars(); ++i) cost += e[i] * (weighted[i] + eta_[i]);
+  return cost;
+}
+
+void SubmapTerm::add_members(const Jacobians& jacobians, const double* weighted, double* system) const {
+  int64_t next = 0;
+  for (int32_t c = 0; c < pattern_.variables(); ++c) {
+    const double* A_c = jacobians.member.data() + largest * c;
+    const int n_c = pattern_.dof[c], d_c = dof(variables_.kind[members_[c].variable]), shape_c = shape_of(n_c, d_c);
+    double diagonal[largest] = {};
+    const int64_t first = pattern_.column_start[c];
+    add_blocks[shape_c][shape_c](values_.data() + pattern_.value_start[first], A_c, A_c, diagonal, false);
+    add_symmetric(diagonal, d_c, system + members_[c].diagonal);
+    // Row-major A_c is column-major A_c': g_v += A_v'(Ie + eta).
+    add_times(A_c, d_c, n_c, weighted + pattern_.scalar_start[c], 1, system + members_[c].gradient);
+    for (int64_t k = first + 1; k < pattern_.column_start[c + 1]; ++k) {
+      const int32_t r = pattern_.row[k];
+      const int shape_r = shape_of(pattern_.dof[r], dof(variables_.kind[members_[r].variable]));
+      const int64_t block = blocks_[next++];
+      add_blocks[shape_r][shape_c](values_.data() + pattern_.value_start[k], jacobians.member.data() + largest * r, A_c,
+                                   system + (block < 0 ? ~block : block), block < 0);
+    }
+  }
+}
+
+// E = I A_b, then the base's own block and its blocks with the members.
+void SubmapTerm::add_base(const Jacobians& jacobians, const double* weighted, double* system) const {
+  const int d_b = dof(variables_.kind[base_]);
+  std::vector<double> E(pattern_.scalars() * d_b, 0.0);
+  for (int32_t c = 0; c < pattern_.variables(); ++c)
+    for (int64_t k = pattern_.column_start[c]; k < pattern_.column_start[c + 1]; ++k) {
+      const int32_t r = pattern_.row[k];
+      const double* I = values_.data() + pattern_.value_start[k];
+      const int64_t at_r = d_b * pattern_.scalar_start[r], at_c = d_b * pattern_.scalar_start[c];
+      add_times(I, pattern_.dof[r], pattern_.dof[c], jacobians.base.data() + at_c, d_b, E.data() + at_r);
+      if (r != c)
+        add_transposed_times(I, pattern_.dof[r], pattern_.dof[c], jacobians.base.data() + at_r, d_b, E.data() + at_c);
+    }
+  double diagonal[largest] = {}, gradient[6] = {};
+  for (int64_t row = 0; row < pattern_.scalars(); ++row)
+    for (int p = 0; p < d_b; ++p) {
+      const double a = jacobians.base[d_b * row + p];
+      gradient[p] += a * weighted[row];
+      for (int q = 0; q < d_b; ++q) diagonal[d_b * p + q] += a * E[d_b * row + q];
+    }
+  add_symmetric(diagonal, d_b, system + base_diagonal_);
+  for (int p = 0; p < d_b; ++p) system[base_gradient_ + p] += gradient[p];
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const int d_v = dof(variables_.kind[members_[i].variable]);
+    const double* A_v = jacobians.member.data() + largest * i;
+    const bool transposed = members_[i].base_block < 0;
+    double* target = system + (transposed ? ~members_[i].base_block : members_[i].base_block);
+    for (int row = 0; row < pattern_.dof[i]; ++row)
+      for (int p = 0; p < d_v; ++p)
+        for (int q = 0; q < d_b; ++q)
+          target[transposed ? d_b * p + q : d_v * q + p] +=
+              A_v[d_v * row + p] * E[d_b * (pattern_.scalar_start[i] + row) + q];
+  }
+}
+
+double SubmapTerm::linearise(int32_t chunk, const double* state, double* system) const {
+  if (chunk != chunk_) return 0.0;
+  Jacobians jacobians;
+  jacobians.member.resize(largest * members_.size());
+  jacobians.base.resize(6 * pattern_.scalars());
+  std::vector<double> e(pattern_.scalars()), weighted(pattern_.scalars());
+  residual(state, e.data(), &jacobians);
+  const double cost = weigh_residual(e.data(), weighted.data());
+  add_members(jacobians, weighted.data(), system);
+  if (base_ >= 0 && variables_.free[base_] != held) add_base(jacobians, weighted.data(), system);
+  return cost;
+}
+
+double SubmapTerm::cost(int32_t chunk, const double* state) const {
+  if (chunk != chunk_) return 0.0;
+  std::vector<double> e(pattern_.scalars()), weighted(pattern_.scalars());
+  residual(state, e.data(), nullptr);
+  return weigh_residual(e.data(), weighted.data());
+}
+
+}  // namespace teamslam

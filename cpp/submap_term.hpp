@@ -1,0 +1,76 @@
+// A submap as one measurement of many variables: joining, equations (11)-(14) of the paper.
+//
+// A base variable b is the submap's frame (none: the frame is the world's). Member v has a local estimate s_v, in that
+// frame, and
+//   e_v = s_v (-) (X_b^-1 X_v),   cost = e'Ie + 2 eta'e,
+// with I the submap's information and eta its linear term (zero, unless the estimate is not its own optimum). With
+// A = -de/dG, the term adds A'IA to H and A'(Ie + eta) to g. I is block-sparse and stays so: E = I A_b is formed once,
+//   H_vw += A_v' I_vw A_w,   H_vb += A_v' E_v,   H_bb += sum_v A_bv' E_v.
+// An estimate may be a pose in space where the variable is planar: the variable is lifted.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "block_matrix.hpp"
+#include "term.hpp"
+#include "variables.hpp"
+
+namespace teamslam {
+
+struct SubmapInput {
+  int64_t base;  // variable, or -1
+  int64_t members;
+  const int64_t* member;        // variables
+  const int32_t* kind;          // of each local estimate
+  const double* state;          // local estimates, one after another
+  const int64_t* column_start;  // block pattern of I over the estimates' unknowns (block_matrix.hpp)
+  const int32_t* row;
+  const double* values;
+  const double* eta;  // or null: zero
+};
+
+class SubmapTerm final : public Term {
+ public:
+  // Checks and copies the input; throws std::invalid_argument.
+  SubmapTerm(const Variables& variables, const SubmapInput& input);
+
+  // New numbers on the same structure.
+  void set(const double* state, const double* values, const double* eta);
+
+  void weigh(std::vector<double>& work) const override;
+  void arrange(const std::vector<int32_t>& chunk_of_variable, int32_t chunks) override;
+  void couple(Couplings& couplings) override;
+  void place(int32_t chunk, Layout& layout) override;
+  double linearise(int32_t chunk, const double* state, double* system) const override;
+  double cost(int32_t chunk, const double* state) const override;
+
+ private:
+  struct Member {
+    int32_t variable;
+    Kind kind;             // of the local estimate
+    int64_t state;         // where the estimate begins
+    int64_t diagonal, gradient;
+    int64_t base_slot, base_block;  // its block with the base; ~start if the member comes first (as in models.hpp)
+  };
+  struct Jacobians;
+  int32_t owner() const;
+  int32_t free_of(const Member& member) const { return variables_.free[member.variable]; }
+  void check_pattern(const SubmapInput& input) const;
+  void residual(const double* state, double* e, Jacobians* jacobians) const;
+  double weigh_residual(const double* e, double* weighted) const;
+  void add_members(const Jacobians& jacobians, const double* weighted, double* system) const;
+  void add_base(const Jacobians& jacobians, const double* weighted, double* system) const;
+
+  const Variables& variables_;
+  int32_t base_;
+  std::vector<Member> members_;
+  BlockPattern pattern_;
+  std::vector<double> state_, values_, eta_;
+  int32_t chunk_ = 0;
+  int64_t base_diagonal_ = 0, base_gradient_ = 0;
+  std::vector<int64_t> slots_;   // of the stored off-diagonal blocks, in order
+  std::vector<int64_t> blocks_;  // where each stored block goes; ~start if transposed
+};
+
+}  // namespace teamslam

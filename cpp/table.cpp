@@ -1,0 +1,237 @@
+#include "table.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <numbers>
+#include <string>
+#include <utility>
+
+#include "checks.hpp"
+
+namespace teamslam {
+
+namespace {
+
+constexpr const char* model_names[models] = {"relative_pose", "point",    "range", "bearing",
+                                             "range_bearing", "position", "pose"};
+
+// rows x width, taken in another order.
+template <class Number>
+void reorder(std::vector<Number>& rows, int64_t width, const std::vector<int64_t>& order) {
+  std::vector<Number> sorted(rows.size());
+  for (std::size_t i = 0; i < order.size(); ++i)
+    std::copy_n(rows.data() + order[i] * width, width, sorted.data() + static_cast<int64_t>(i) * width);
+  rows = std::move(sorted);
+}
+
+}  // namespace
+
+Table::Table(const Variables& variables, const TableInput& input)
+    : variables_(variables),
+      model_(input.model),
+      dimension_(input.dimension),
+      keys_(keys(input.model)),
+      numbers_(measurement_numbers(input.model, input.dimension)),
+      rows_(input.rows),
+      shared_whitening_(input.shared_whitening),
+      loss_(input.loss),
+      scale_(input.scale) {
+  const std::string name = model_names[static_cast<int>(model_)];
+  const int r = residual_size();
+  require(rows_ > 0, name + ": the table has no rows; leave it out");
+  require(loss_ == Loss::squared || (std::isfinite(scale_) && scale_ > 0.0),
+          name + ": a robust loss needs a scale above zero, found " + std::to_string(scale_));
+  for (int64_t i = 0; i < rows_ * keys_; ++i)
+    require(input.index[i] >= 0 && input.index[i] < variables.count(),
+            name + ": row " + std::to_string(i / keys_) + " names variable " + std::to_string(input.index[i]) +
+                ", but there are " + std::to_string(variables.count()));
+  index_.assign(input.index, input.index + rows_ * keys_);
+  z_.assign(input.z, input.z + rows_ * numbers_);
+  whitening_.assign(input.whitening, input.whitening + (shared_whitening_ ? 1 : rows_) * r * r);
+  require(all_finite(whitening_.data(), static_cast<int64_t>(whitening_.size())),
+          name + ": the whitening has a number that is not finite");
+  if (input.sensor) {
+    sensor_.assign(input.sensor, input.sensor + pose_numbers(dimension_));
+    require(all_finite(sensor_.data(), pose_numbers(dimension_)) && is_rotation(sensor_.data() + dimension_, dimension_),
+            name + ": the sensor's pose is not finite or its rotation is none; expected T, then R row by row");
+    const std::vector<double>& s = sensor_;
+    lifted_sensor_ = dimension_ == 3 ? s : std::vector<double>{s[0], s[1], 0, s[2], s[3], 0, s[4], s[5], 0, 0, 0, 1};
+  }
+  for (int64_t row = 0; row < rows_; ++row) check_row(row);
+  prepare_measurements();
+}
+
+Kind Table::kind_of(int64_t row, int key) const { return variables_.kind[index_[keys_ * row + key]]; }
+
+void Table::check_row(int64_t row) const {
+  const auto say = [&](const std::string& what) {
+    throw std::invalid_argument(std::string(model_names[static_cast<int>(model_)]) + ": row " + std::to_string(row) +
+                                ": " + what);
+  };
+  const Kind a = kind_of(row, 0), b = keys_ == 2 ? kind_of(row, 1) : a;
+  if (!row_loops(model_, dimension_, a, b).linearise)
+    say(std::string("cannot relate ") + name_of(a) + (keys_ == 2 ? std::string(" to ") + name_of(b) : "") + " in " +
+        std::to_string(dimension_) + " dimensions");
+  if (keys_ == 2 && index_[2 * row] == index_[2 * row + 1])
+    say("names variable " + std::to_string(index_[2 * row]) + " twice");
+  if (!sensor_.empty() && !is_pose(a)) say("a sensor's pose needs a pose to sit on, found a " + std::string(name_of(a)));
+  const double* z = z_.data() + row * numbers_;
+  if (!all_finite(z, numbers_)) say("the measurement is not finite");
+  if ((model_ == Model::relative_pose || model_ == Model::pose) && !is_rotation(z + dimension_, dimension_))
+    say("the measured rotation is none; expected T, then R row by row");
+  if (dimension_ == 3 && (model_ == Model::bearing || model_ == Model::range_bearing)) {
+    const double* u = z + (model_ == Model::range_bearing);
+    const double square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
+    if (!(std::abs(square - 1.0) < rotation_tolerance)) say("the measured direction is not a unit vector");
+  }
+}
+
+// Directions exactly of unit length, angles in (-pi, pi]: the loops count on it.
+void Table::prepare_measurements() {
+  if (model_ != Model::bearing && model_ != Model::range_bearing) return;
+  for (int64_t row = 0; row < rows_; ++row) {
+    double* z = z_.data() + row * numbers_ + (model_ == Model::range_bearing);
+    if (dimension_ == 2) {
+      *z = std::remainder(*z, 2.0 * std::numbers::pi);
+    } else {
+      const double length = std::sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2]);
+      for (int i = 0; i < 3; ++i) z[i] /= length;
+    }
+  }
+}
+
+void Table::set_weights(const double* weights) {
+  if (!weights) {
+    weights_.clear();
+    return;
+  }
+  for (int64_t row = 0; row < rows_; ++row)
+    require(std::isfinite(weights[row]) && weights[row] >= 0.0,
+            "weight of row " + std::to_string(row) + " is " + std::to_string(weights[row]) +
+                "; expected a number of at least 0");
+  weights_.assign(weights, weights + rows_);
+  if (!order_.empty()) reorder(weights_, 1, order_);
+}
+
+void Table::weigh(std::vector<double>& work) const {
+  const double r = residual_size();
+  for (int64_t row = 0; row < rows_; ++row) {
+    double columns = 0.0;
+    for (int key = 0; key < keys_; ++key) columns += dof(kind_of(row, key));
+    work[index_[keys_ * row]] += 50.0 + r * columns * (r + columns);
+  }
+}
+
+// Rows that come together belong to one observer and one pair of kinds, in the order of the observers.
+void Table::sort_rows(const std::vector<int32_t>& group, int64_t groups) {
+  bool sorted = true;
+  for (int64_t row = 1; row < rows_ && sorted; ++row)
+    sorted = group[row - 1] < group[row] ||
+             (group[row - 1] == group[row] && index_[keys_ * (row - 1)] <= index_[keys_ * row]);
+  if (sorted) return;
+  std::vector<int32_t> first_variable(rows_);
+  for (int64_t row = 0; row < rows_; ++row) first_variable[row] = index_[keys_ * row];
+  order_ = counting_order(group, groups, counting_order(first_variable, variables_.count()));
+  reorder(index_, keys_, order_);
+  reorder(z_, numbers_, order_);
+  if (!shared_whitening_) reorder(whitening_, residual_size() * residual_size(), order_);
+  if (!weights_.empty()) reorder(weights_, 1, order_);
+}
+
+void Table::arrange(const std::vector<int32_t>& chunk_of_variable, int32_t chunks) {
+  constexpr int pairs = kinds * kinds;
+  const auto group_of = [&](int64_t row) {
+    const int pair = static_cast<int>(kind_of(row, 0)) * kinds + (keys_ == 2 ? static_cast<int>(kind_of(row, 1)) : 0);
+    return chunk_of_variable[index_[keys_ * row]] * pairs + pair;
+  };
+  std::vector<int32_t> group(rows_);
+  for (int64_t row = 0; row < rows_; ++row) group[row] = group_of(row);
+  sort_rows(group, static_cast<int64_t>(chunks) * pairs);
+
+  chunk_start_.assign(chunks + 1, 0);
+  for (int64_t row = 0; row < rows_;) {
+    const int32_t here = group_of(row);
+    Run run{row, 0, row_loops(model_, dimension_, kind_of(row, 0), keys_ == 2 ? kind_of(row, 1) : Kind::pose2)};
+    while (row < rows_ && group_of(row) == here) ++row;
+    run.count = row - run.first;
+    runs_.push_back(run);
+    ++chunk_start_[here / pairs + 1];
+  }
+  for (int32_t chunk = 0; chunk < chunks; ++chunk) chunk_start_[chunk + 1] += chunk_start_[chunk];
+
+  state_a_.resize(rows_);
+  for (int64_t row = 0; row < rows_; ++row) state_a_[row] = variables_.offset[index_[keys_ * row]];
+  if (keys_ == 2) {
+    state_b_.resize(rows_);
+    for (int64_t row = 0; row < rows_; ++row) state_b_[row] = variables_.offset[index_[2 * row + 1]];
+  }
+}
+
+void Table::couple(Couplings& couplings) {
+  places_.resize(rows_);
+  if (keys_ == 1) return;
+  slots_.resize(rows_);
+  for (int64_t row = 0; row < rows_; ++row)
+    slots_[row] = couplings.add(variables_.free[index_[2 * row]], variables_.free[index_[2 * row + 1]]);
+}
+
+void Table::place(int32_t chunk, Layout& layout) {
+  for (int64_t i = chunk_start_[chunk]; i < chunk_start_[chunk + 1]; ++i)
+    for (int64_t row = runs_[i].first; row < runs_[i].first + runs_[i].count; ++row) {
+      Places& at = places_[row];
+      const int32_t a = variables_.free[index_[keys_ * row]];
+      at.diagonal_a = layout.diagonal(a);
+      at.gradient_a = layout.gradient(a);
+      if (keys_ == 1) continue;
+      const int32_t b = variables_.free[index_[2 * row + 1]];
+      at.diagonal_b = layout.diagonal(b);
+      at.gradient_b = layout.gradient(b);
+      const int64_t coupling = layout.coupling(slots_[row]);
+      at.coupling = a > b ? ~coupling : coupling;
+    }
+}
+
+Rows Table::rows_of(const Run& run) const {
+  const int64_t r = residual_size(), stride = shared_whitening_ ? 0 : r * r;
+  const Kind a = kind_of(run.first, 0);
+  // The shadow of a pose in space: its sensor sits on it in space (models.hpp).
+  const std::vector<double>& sensor = model_ == Model::position && dimension(a) == 3 ? lifted_sensor_ : sensor_;
+  return {run.count,
+          state_a_.data() + run.first,
+          keys_ == 2 ? state_b_.data() + run.first : nullptr,
+          z_.data() + run.first * numbers_,
+          whitening_.data() + run.first * stride,
+          stride,
+          sensor.empty() ? nullptr : sensor.data(),
+          weights_.empty() ? nullptr : weights_.data() + run.first,
+          loss_,
+          scale_,
+          places_.data() + run.first};
+}
+
+double Table::linearise(int32_t chunk, const double* state, double* system) const {
+  double cost = 0.0;
+  for (int64_t i = chunk_start_[chunk]; i < chunk_start_[chunk + 1]; ++i)
+    cost += runs_[i].loops.linearise(rows_of(runs_[i]), state, system);
+  return cost;
+}
+
+double Table::cost(int32_t chunk, const double* state) const {
+  double cost = 0.0;
+  for (int64_t i = chunk_start_[chunk]; i < chunk_start_[chunk + 1]; ++i)
+    cost += runs_[i].loops.evaluate(rows_of(runs_[i]), state, nullptr);
+  return cost;
+}
+
+void Table::residuals(const double* state, double* out) const {
+  const int64_t r = residual_size();
+  if (order_.empty()) {
+    for (const Run& run : runs_) run.loops.evaluate(rows_of(run), state, out + run.first * r);
+    return;
+  }
+  std::vector<double> whitened(rows_ * r);
+  for (const Run& run : runs_) run.loops.evaluate(rows_of(run), state, whitened.data() + run.first * r);
+  for (int64_t row = 0; row < rows_; ++row) std::copy_n(whitened.data() + row * r, r, out + order_[row] * r);
+}
+
+}  // namespace teamslam

@@ -1,0 +1,77 @@
+// A table of measurements of one model: many rows, each between one or two variables.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "models.hpp"
+#include "term.hpp"
+#include "variables.hpp"
+
+namespace teamslam {
+
+struct TableInput {
+  Model model;
+  int dimension;
+  int64_t rows;
+  const int64_t* index;     // rows x keys
+  const double* z;          // rows x measurement_numbers
+  const double* whitening;  // one or rows times residual_rows squared, row-major
+  bool shared_whitening;
+  const double* sensor;  // pose_numbers(dimension), or null
+  Loss loss;
+  double scale;
+};
+
+class Table final : public Term {
+ public:
+  // Checks and copies the input; throws std::invalid_argument with the row and what was expected.
+  Table(const Variables& variables, const TableInput& input);
+
+  // One factor per row on its part of H, g and cost, in the order of the input; null: none.
+  void set_weights(const double* weights);
+  int64_t rows() const { return rows_; }
+  int residual_size() const { return residual_rows(model_, dimension_); }
+  // Whitened, in the order of the input; usable once the problem is frozen.
+  void residuals(const double* state, double* out) const;
+
+  void weigh(std::vector<double>& work) const override;
+  void arrange(const std::vector<int32_t>& chunk_of_variable, int32_t chunks) override;
+  void couple(Couplings& couplings) override;
+  void place(int32_t chunk, Layout& layout) override;
+  double linearise(int32_t chunk, const double* state, double* system) const override;
+  double cost(int32_t chunk, const double* state) const override;
+
+ private:
+  // Consecutive rows of one chunk between the same kinds of variables.
+  struct Run {
+    int64_t first, count;
+    RowLoops loops;
+  };
+  Kind kind_of(int64_t row, int key) const;
+  void check_row(int64_t row) const;
+  void prepare_measurements();
+  void sort_rows(const std::vector<int32_t>& group, int64_t groups);
+  Rows rows_of(const Run& run) const;
+
+  const Variables& variables_;
+  Model model_;
+  int dimension_, keys_, numbers_;
+  int64_t rows_;
+  std::vector<int32_t> index_;
+  std::vector<double> z_, whitening_, weights_;
+  bool shared_whitening_;
+  std::vector<double> sensor_, lifted_sensor_;  // as given; in space
+  Loss loss_;
+  double scale_;
+
+  std::vector<int64_t> order_;  // input row of each row; empty: the same
+  std::vector<Run> runs_;
+  std::vector<int64_t> chunk_start_;  // runs of each chunk
+  std::vector<int64_t> state_a_, state_b_;
+  std::vector<int64_t> slots_;  // until placed
+  std::vector<Places> places_;
+};
+
+}  // namespace teamslam
