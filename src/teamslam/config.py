@@ -7,6 +7,9 @@
     scale = 2.0
     [split]                      # where logs are cut into submaps; absent: where the heading gets uncertain
     poses_per_piece = 200
+    [join]                       # how submaps are joined
+    order = "at once"            # or "sequential", "tree"
+    exact = false                # true: rounds until the join is the full least squares
     [solver]                     # how least squares problems are solved
     max_iterations = 100
 
@@ -26,6 +29,7 @@ import msgspec
 import tomli_w
 
 from teamslam.errors import InputError
+from teamslam.joining import ORDERS
 from teamslam.joining.split import HEADING_SIGMA
 from teamslam.model import Loss
 from teamslam.solver import Options as SolverOptions
@@ -50,6 +54,23 @@ class SplitOptions:
 
 
 @dataclass(frozen=True)
+class JoinOptions:
+    """How submaps are joined: `order` is a row of ORDERS. `exact`: in rounds instead, until the decrease of the full
+    cost still to be had is below `gap` of it, at most `max_rounds`."""
+
+    order: str = "at once"
+    exact: bool = False
+    gap: float = 1e-15
+    max_rounds: int = 100
+
+    def __post_init__(self) -> None:
+        if self.order not in ORDERS:
+            raise InputError(f"unknown order of joining '{self.order}'; choose one of {', '.join(ORDERS)}")
+        if not self.gap > 0.0 or self.max_rounds < 1:
+            raise InputError(f"gap is above 0 and max_rounds at least 1, found {self.gap} and {self.max_rounds}")
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything that a run may be told. `Config()` is the default run.
 
@@ -61,6 +82,7 @@ class Config:
     read: Mapping[str, ReaderOption] = field(default_factory=dict)
     loss: Loss | None = None
     split: SplitOptions = field(default_factory=SplitOptions)
+    join: JoinOptions = field(default_factory=JoinOptions)
     solver: SolverOptions = field(default_factory=SolverOptions)
 
     def __post_init__(self) -> None:

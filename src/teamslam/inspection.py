@@ -170,8 +170,8 @@ def _robot_hints(dataset: Dataset, robot: int) -> Iterator[str]:
         if len(gaps):
             worst = gaps[np.argmax(steps[gaps])]
             yield (
-                f"robot {name}: {len(gaps)} gaps between poses, the longest {steps[worst]:.3g} s at "
-                f"{stamps[worst]:.3f} s (usual step {usual:.3g} s)"
+                f"robot {name}: {len(gaps)} gaps of more than {GAP_FACTOR * usual:.3g} s between poses, the longest "
+                f"{steps[worst]:.3g} s, {stamps[worst] - stamps[0]:.1f} s after its start"
             )
     chained = _odometry_pairs(dataset, robot)
     broken = np.count_nonzero(~np.isin(poses[1:], chained)) if len(poses) > 1 else 0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from teamslam.config import Config
-from teamslam.joining import Joined, build, full, join, split
+from teamslam.joining import ORDERS, Joined, build, exact_join, full, split
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Submap
 from teamslam.solver import Covariances
@@ -58,9 +58,13 @@ def run(dataset: Dataset, config: Config = DEFAULTS, progress: Progress | None =
     else:
         pieces = split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
         clock.start("building submaps", len(pieces))
-        submaps = tuple(clock.each(build(piece, options=config.solver) for piece in pieces))
-        clock.start("joining submaps")
-        joined = join(submaps, options=config.solver)
+        submaps = clock.each(build(piece, options=config.solver) for piece in pieces)
+        if config.join.exact:
+            clock.start("joining in rounds")
+            joined = exact_join(pieces, gap=config.join.gap, max_rounds=config.join.max_rounds, options=config.solver)
+        else:
+            clock.start("joining submaps")
+            joined = ORDERS[config.join.order](submaps, options=config.solver)
     clock.start("covariances")
     covariances = Covariances.of_map(joined.map)
     clock.start("score")

@@ -88,7 +88,12 @@ def test_errors_tell_the_share_within_three_sigma(dof: int) -> None:
     figure = draw_errors(tracks(dof), caption="RMSE 0.1 m")
     written = texts(figure)
     assert len(figure.axes) == 2 * dof
-    assert "robot b: 100.0% within" in written and "x [m]" in written and "time [s]" in written and "RMSE" in written
+    assert (
+        "robot b: 100.0% within" in written
+        and "x [m]" in written
+        and "time since the start [s]" in written
+        and "RMSE" in written
+    )
 
 
 def test_consistency_shows_the_bound_and_each_robots_mean() -> None:

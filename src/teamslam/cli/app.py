@@ -30,12 +30,13 @@ HELP = """Several robots, one map: landmark SLAM for teams by submap joining.
 Start here:
 
 ```
-teamslam demo                                  # simulated teams, figures in ./demo, under a minute
-teamslam info MRCLAM_Dataset6                  # what a log holds and what is wrong with it
-teamslam run MRCLAM_Dataset6 --out first-map   # map, covariances, errors, figures
+teamslam demo                            # simulated teams, figures in ./demo
+teamslam info MRCLAM_Dataset6            # what a log holds and what is wrong
+teamslam run MRCLAM_Dataset6 --out map   # map, covariances, errors, figures
 ```
 
-Every command explains itself: `teamslam run --help`.
+Every command explains itself, with examples: `teamslam run --help`.
+
 Exit codes: 0 done; 1 not converged, or parts could not be joined; 2 bad input or usage.
 """
 

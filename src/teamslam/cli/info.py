@@ -40,11 +40,20 @@ def info(input: Path, /, *, format: str | None = None) -> int:
             *(("", f"{d.count}: {d.reason}") for d in dataset.dropped),
         ],
     )
+    start_s = min((c.start_s for c in found.counts), default=0.0)
     rows = [
-        [names.robot(c.robot), c.source, c.model, str(c.rows), f"{c.start_s:.2f}", f"{c.stop_s:.2f}"]
+        [
+            names.robot(c.robot),
+            c.source,
+            c.model,
+            str(c.rows),
+            f"{c.start_s - start_s:.2f}",
+            f"{c.stop_s - start_s:.2f}",
+        ]
         for c in found.counts
     ]
     table("What was measured", ["robot", "source", "model", "rows", "from [s]", "to [s]"], rows)
+    say(f"  time counts from {start_s:.6f} s")
     links = [
         [
             " - ".join(names.robot(r) for r in link.robots),

@@ -9,7 +9,12 @@ if TYPE_CHECKING:
 
 
 def config_for(
-    path: Path | None, *, method: str | None = None, loss: str | None = None, loss_scale: float | None = None
+    path: Path | None,
+    *,
+    method: str | None = None,
+    exact: bool = False,
+    loss: str | None = None,
+    loss_scale: float | None = None,
 ) -> "Config":
     """The options of a run. InputError for unknown names, and for a scale that no loss goes with."""
     from teamslam.config import Config, read_config
@@ -19,6 +24,8 @@ def config_for(
     config = read_config(path) if path else Config()
     if method is not None:
         config = replace(config, method=method)
+    if exact:
+        config = replace(config, join=replace(config.join, exact=True))
     if loss is not None:
         return replace(config, loss=Loss(loss, 1.0 if loss_scale is None else loss_scale))
     if loss_scale is not None:

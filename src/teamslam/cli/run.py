@@ -12,49 +12,53 @@ def run(
     *,
     out: Path,
     method: str | None = None,
+    exact: Annotated[bool, Parameter(negative="")] = False,
     loss: str | None = None,
     loss_scale: float | None = None,
     config: Path | None = None,
     format: str | None = None,
-    force: bool = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"])] = False,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Map a team's log, and write a folder with the map, its covariances, errors and figures.
 
-    The robots' start poses need not be known. Where the log holds truth, the result is scored against it.
+        The robots' start poses need not be known. Where the log holds truth, the result is scored against it.
 
-    ```
-    teamslam run MRCLAM_Dataset6 --out joined
+        ```
+        teamslam run MRCLAM_Dataset6 --out joined
+        teamslam run MRCLAM_Dataset6 --out exact --exact
     teamslam run MRCLAM_Dataset6 --out full --method full
-    teamslam run my-team --out my-map --loss huber --loss-scale 2
-    teamslam run my-team --out again --config my-map/config.toml
-    ```
+        teamslam run my-team --out my-map --loss huber --loss-scale 2
+        teamslam run my-team --out again --config my-map/config.toml
+        ```
 
-    Exit codes: 0 done; 1 not converged, or parts of the team could not be joined; 2 bad input or usage.
+        Exit codes: 0 done; 1 not converged, or parts of the team could not be joined; 2 bad input or usage.
 
-    Parameters
-    ----------
-    input
-        A log: a folder or file in any format that `teamslam convert --help` lists.
-    out
-        The folder to write. It appears when everything in it is written, never half.
-    method
-        join: submaps, then their join (the default). full: one least squares problem over all measurements.
-    loss
-        Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader of the format sets it.
-    loss_scale
-        Scale of the loss, in sigmas.
-    config
-        Options in TOML; those on the command line win.
-    format
-        The format of the input, where it cannot be told from its looks.
-    force
-        Replace an earlier run in the output folder.
-    figures
-        Draw figures.
-    quiet
-        Print nothing but errors.
+        Parameters
+        ----------
+        input
+            A log: a folder or file in any format that `teamslam convert --help` lists.
+        out
+            The folder to write. It appears when everything in it is written, never half.
+        method
+            join: submaps, then their join (the default). full: one least squares problem over all measurements.
+        exact
+            Join in rounds until the map is that of the full least squares, and report how far from it.
+        loss
+            Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader of the format sets it.
+        loss_scale
+            Scale of the loss, in sigmas.
+        config
+            Options in TOML; those on the command line win.
+        format
+            The format of the input, where it cannot be told from its looks.
+        force
+            Replace an earlier run in the output folder.
+        figures
+            Draw figures.
+        quiet
+            Print nothing but errors.
     """
     from teamslam.cli.console import pairs, progress_bar, say
     from teamslam.cli.options import config_for
@@ -65,7 +69,7 @@ def run(
     from teamslam.results.folder import refuse_to_overwrite
 
     refuse_to_overwrite(out, replace=force)
-    options = config_for(config, method=method, loss=loss, loss_scale=loss_scale)
+    options = config_for(config, method=method, exact=exact, loss=loss, loss_scale=loss_scale)
     with progress_bar(quiet) as progress:
         progress("reading", 0, 0)
         dataset = read(input, format=format, **options.read)

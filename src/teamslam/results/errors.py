@@ -7,7 +7,7 @@ instead.) Where the truth of the base is unknown, the whole team is aligned, and
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose, align
+from teamslam.geometry import Array, IntArray, Pose, align
 from teamslam.model import WORLD, Submap, Values, is_pose
 from teamslam.results.tables import submap_robots
 from teamslam.solver import Covariances
@@ -22,7 +22,8 @@ def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> lis
     if not truth.layout.contains(submap.values.layout.keys).any():
         return []
     true = truth_at_base(submap, truth)
-    tracks = (_track(submap, true, covariances, robot) for robot in submap_robots(submap))
+    start_s = float(min(submap.names.stamps_s(submap.trajectory_keys(r)[0]) for r in submap_robots(submap)))
+    tracks = (_track(submap, true, covariances, robot, start_s) for robot in submap_robots(submap))
     return [track for track in tracks if track is not None]
 
 
@@ -48,13 +49,13 @@ def truth_by_team(submap: Submap, truth: Values) -> Values:
     return truth.transform(align(there, here, source_rotations=turned[1], target_rotations=turned[0]).pose)
 
 
-def _turns(values: Values, keys: Array, dim: int) -> Array:
+def _turns(values: Values, keys: IntArray, dim: int) -> Array:
     lifted = values.poses_of(keys, 3)
     poses = lifted if dim == 3 else Pose.from_xytheta(lifted.xytheta())
     return poses.rotation
 
 
-def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int) -> ErrorTrack | None:
+def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int, start_s: float) -> ErrorTrack | None:
     keys = submap.trajectory_keys(robot)
     keys = keys[truth.layout.contains(keys) & (keys != submap.base)]
     if not len(keys):
@@ -67,5 +68,5 @@ def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int) 
     dof = error.shape[-1]
     nees = np.einsum("ni,ni->n", error, np.linalg.solve(blocks, error[..., None])[..., 0]) / dof
     sigma = np.sqrt(np.diagonal(blocks, axis1=-2, axis2=-1))
-    stamps = submap.names.stamps_s(estimate.layout.keys)
+    stamps = submap.names.stamps_s(estimate.layout.keys) - start_s
     return ErrorTrack(submap.names.robot(robot), stamps, error, sigma, nees, LABELS[dof], UNITS[dof])

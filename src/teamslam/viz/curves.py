@@ -91,7 +91,7 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
                 axes.set_ylabel(f"{track.labels[row]} [{track.units[row]}]")
         inside = float(np.mean(np.abs(track.error) <= 3.0 * track.sigma))
         grid[0, column].set_title(f"robot {track.robot}: {inside:.1%} within", fontsize=8.5)
-        grid[-1, column].set_xlabel("time [s]")
+        grid[-1, column].set_xlabel("time since the start [s]")
     for row in range(rows):
         worst = max(float(np.nanpercentile(np.abs(t.error[:, row]), 99.5)) for t in tracks)
         widest = max(3.0 * float(np.nanpercentile(t.sigma[:, row], 99.5)) for t in tracks)
@@ -117,7 +117,7 @@ def draw_consistency(tracks: Sequence[ErrorTrack], title: str = "", caption: str
     axes.axhline(bound, color=INK, lw=0.9, ls="--", label=f"{CONFIDENCE:.0%} bound\nof one pose")
     axes.set_yscale("log")
     axes.set_ylim(bottom=1e-2)
-    axes.set_xlabel("time [s]")
+    axes.set_xlabel("time since the start [s]")
     axes.set_ylabel("NEES / dof")
     axes.set_title(caption, fontsize=8.5, fontweight="normal", color=INK)
     figure.legend(title="robot: mean", loc="outside right center")

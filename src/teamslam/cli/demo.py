@@ -1,0 +1,6 @@
+"""`teamslam demo`."""
+
+
+def demo() -> int:
+    """Later."""
+    return 0

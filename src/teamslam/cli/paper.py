@@ -1,0 +1,6 @@
+"""`teamslam paper`."""
+
+
+def paper() -> int:
+    """Later."""
+    return 0

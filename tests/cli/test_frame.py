@@ -1,0 +1,79 @@
+"""Every command explains itself with worked examples; wrong calls and wrong input end with code 2 and one message."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMANDS = ("convert", "demo", "info", "paper", "plot", "run", "score", "simulate")
+
+
+def test_help_names_every_command_and_the_exit_codes(teamslam) -> None:
+    """A newcomer finds the way in."""
+    called = teamslam("--help")
+    assert called.code == 0
+    for word in (*COMMANDS, "Exit codes", "teamslam demo"):
+        assert word in called.out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_worked_examples_and_exit_codes(teamslam, command: str) -> None:
+    """Help shows at least one whole call, and what the exit codes mean."""
+    called = teamslam(command, "--help")
+    assert called.code == 0
+    assert f"\n teamslam {command}" in called.out
+    assert "Exit codes:" in called.out
+
+
+def test_version_is_the_packages(teamslam) -> None:
+    """One number, in one place."""
+    from importlib.metadata import version
+
+    import teamslam as package
+
+    assert teamslam("--version").out.strip() == package.__version__ == version("teamslam")
+
+
+def test_help_loads_no_heavy_package() -> None:
+    """Neither numpy nor matplotlib is needed to print help."""
+    code = (
+        "import sys\nfrom teamslam.cli import main\n"
+        "try:\n    main(['run', '--help'])\nexcept SystemExit:\n    pass\n"
+        "print('HEAVY', sorted({'numpy', 'scipy', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "HEAVY []" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["ruin"], ["ruin"]),
+        (["run"], ["run"]),
+        (["run", "x", "--ou", "y"], ["--out"]),
+        (["run", "nowhere", "--out", "y"], ["nowhere", "no such file"]),
+        (["info", "nowhere"], ["nowhere", "no such file"]),
+        (["info", "."], ["none of the formats", "mrclam"]),
+        (["convert", "nowhere", "x"], ["nowhere"]),
+        (["score", "nowhere", "x"], ["nowhere"]),
+        (["plot", "nowhere"], ["nowhere", "teamslam run"]),
+        (["plot", "nowhere", "--type", "gif"], ["gif", "png, pdf or svg"]),
+        (["run", "nowhere", "--out", "y", "--method", "gues"], ["gues", "join, full"]),
+        (["run", "nowhere", "--out", "y", "--loss", "hub"], ["hub", "huber"]),
+        (["run", "nowhere", "--out", "y", "--loss-scale", "2"], ["--loss"]),
+        (["run", "nowhere", "--out", "y", "--loss", "huber", "--loss-scale", "-2"], ["scale", "-2"]),
+        (["run", "nowhere", "--out", "y", "--config", "none.toml"], ["none.toml"]),
+    ],
+)
+def test_bad_calls_end_with_code_2_and_one_message(
+    teamslam, arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was found and what to do, on stderr, without a traceback; nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    called = teamslam(*arguments)
+    assert called.code == 2
+    for word in words:
+        assert word in called.err
+    assert "Traceback" not in called.err and called.out == ""
+    assert list(tmp_path.iterdir()) == []

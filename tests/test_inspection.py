@@ -1,0 +1,85 @@
+"""A log is looked over: counts add up, links that hold are told from those that do not, oddities are named."""
+
+import numpy as np
+import pytest
+from worlds import team as small_team
+
+from teamslam.geometry import IntArray
+from teamslam.inspection import inspect
+from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of
+
+
+def keep(dataset: Dataset, wanted) -> Dataset:
+    """The rows that `wanted(table)` masks."""
+    return dataset.with_tables(table.select(wanted(table)) for table in dataset.tables)
+
+
+def only_shared(dataset: Dataset, shared: IntArray) -> Dataset:
+    """No robot sees another; landmarks outside `shared` are seen by robot 1 alone."""
+
+    def wanted(table: Table) -> np.ndarray:
+        target = table.keys[:, 1]
+        sees_robot = is_pose(target) & (robot_of(target) != table.robot)
+        private = is_landmark(target) & ~np.isin(target, shared) & (table.robot != 1)
+        return ~sees_robot & ~private
+
+    return keep(dataset, wanted)
+
+
+def test_counts_add_up_to_the_tables() -> None:
+    """Every row is counted once, poses and landmarks as the dataset has them."""
+    team = small_team(robots=3, poses=10, landmarks=4)
+    found = inspect(team)
+    assert sum(c.rows for c in found.counts) == sum(len(t) for t in team.tables)
+    assert found.poses == {1: 10, 2: 10, 3: 10} and found.landmarks == 4 and found.has_truth
+
+
+@pytest.mark.parametrize(
+    ("world", "shared", "holds"),
+    [
+        ("2d", 0, False),
+        ("2d", 1, False),
+        ("2d", 2, True),
+        ("3d", 2, False),
+        ("3d", 3, True),
+        ("planar", 2, True),
+    ],
+)
+def test_points_hold_a_frame_where_there_are_enough_of_them(world: str, shared: int, holds: bool) -> None:
+    """Two in the plane, three in space: the closed-form fit needs as many."""
+    team = only_shared(small_team(world, robots=2, landmarks=6, sees=1.0), np.arange(shared))
+    found = inspect(team)
+    assert (found.groups == ((1, 2),)) is holds
+    assert [link.landmarks for link in found.links] == ([shared] if shared else [])
+    if not holds:
+        assert any("cannot be joined" in hint and "would join them" in hint for hint in found.hints)
+
+
+def test_one_sighting_of_a_pose_holds_a_frame() -> None:
+    """A relative pose fixes everything."""
+    team = keep(small_team(robots=2, every=100), lambda t: robot_of(t.keys[:, 1]) > 0)
+    found = inspect(team)
+    assert found.groups == ((1, 2),) and [link.landmarks for link in found.links] == [0]
+
+
+def test_a_robot_without_odometry_or_sightings_is_named() -> None:
+    """Broken chains and blind robots are told before anything is solved."""
+    team = small_team(robots=2, poses=12)
+    gone = keep(team, lambda t: ~((t.source == "odometry") & (t.robot == 2) & (np.arange(len(t)) == 5)))
+    assert any("robot 2: odometry is missing before 1 of its 12 poses" in hint for hint in inspect(gone).hints)
+    blind = keep(team, lambda t: np.full(len(t), t.source == "odometry" or t.robot != 1))
+    assert any("robot 1 saw nothing" in hint for hint in inspect(blind).hints)
+
+
+def test_landmarks_seen_once_are_named() -> None:
+    """Nothing would show that such a sighting is wrong."""
+    team = small_team(robots=1, poses=5, landmarks=3, sees=0.0)
+    assert any("3 landmarks were seen only once (0, 1, 2)" in hint for hint in inspect(team).hints)
+
+
+def test_no_truth_is_said() -> None:
+    """Nobody waits for errors that cannot be."""
+    team = small_team()
+    blank = Dataset(team.robots, team.tables, team.names)
+    assert any("no truth" in hint for hint in inspect(blank).hints)
+    assert not any("no truth" in hint for hint in inspect(team).hints)
