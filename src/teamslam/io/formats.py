@@ -1,0 +1,112 @@
+"""FORMATS: logs that teamslam reads and writes, by name. SUBMAP_FORMATS: the same for files of submaps.
+
+Adding a format is adding a row: a module with `sniff(path) -> bool`, `read(path, options) -> Dataset` and, where it
+writes, `write(dataset, path) -> tuple[Dropped, ...]`, which returns what the format has no place for and refuses with
+an InputError what cannot be left out. Modules are imported when they are used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from teamslam.errors import InputError
+from teamslam.model import Dataset, Dropped, Submap
+
+
+@dataclass(frozen=True)
+class Format:
+    """One row: where its functions are, what it is in words, the endings of its files, what it can do."""
+
+    module: str
+    description: str
+    suffixes: tuple[str, ...] = ()
+    writes: bool = True
+
+    def function(self, name: str) -> Any:
+        """A function of the format's module, imported now."""
+        return getattr(import_module(self.module), name)
+
+
+FORMATS: dict[str, Format] = {
+    "plain": Format("teamslam.io.plain", "teamslam's own: a folder with team.toml and CSV files"),
+    "mrclam": Format("teamslam.io.mrclam", "UTIAS MRCLAM: a folder with Barcodes.dat, RobotN_*.dat", writes=False),
+    "islsjf": Format("teamslam.io.islsjf", "Victoria Park's clean log and simulated runs of I-SLSJF", writes=False),
+    "pyfg": Format("teamslam.io.pyfg", "PyFG factor graph (.pyfg)", (".pyfg",)),
+    "g2o": Format("teamslam.io.g2o", "g2o graph (.g2o), or a folder with one for each robot", (".g2o",)),
+    "jrl": Format("teamslam.io.jrl", "JSON robot log (.jrl)", (".jrl",)),
+}
+
+SUBMAP_FORMATS: dict[str, Format] = {
+    "teamslam": Format("teamslam.io.arrays", "teamslam's submap file, or a folder of them", (".submap",)),
+    "islsjf": Format("teamslam.io.localmaps_mat", "I-SLSJF: a folder with localmap_1.mat, ...", writes=False),
+    "linear": Format("teamslam.io.localmaps_text", "Linear SLAM: a folder with localmap_1.txt, ..."),
+}
+
+
+def read(path: str | Path, format: str | None = None, **options: object) -> Dataset:
+    """The measurements in a file or folder, of the format named or told by its looks; `options` are the reader's.
+
+    Raises InputError, naming file, line, field and cure, for whatever cannot be read.
+    """
+    path = Path(path)
+    found: Dataset = _row(FORMATS, path, format).function("read")(path, options)
+    return found
+
+
+def write(dataset: Dataset, path: str | Path, format: str | None = None) -> tuple[Dropped, ...]:
+    """Writes the measurements in the format named or told by the path's ending (a path without one: plain).
+
+    Returns what the format has no place for. Raises InputError where it cannot hold a measurement.
+    """
+    path = Path(path)
+    row = _row_to_write(FORMATS, path, format, "plain")
+    losses: tuple[Dropped, ...] = row.function("write")(dataset, path) or ()
+    return losses
+
+
+def read_submaps(path: str | Path, format: str | None = None) -> list[Submap]:
+    """The submaps in a file or folder, of the format named or told by its looks. InputError says what is wrong."""
+    path = Path(path)
+    found: list[Submap] = _row(SUBMAP_FORMATS, path, format).function("read")(path)
+    return found
+
+
+def write_submaps(submaps: Sequence[Submap], path: str | Path, format: str = "teamslam") -> tuple[Dropped, ...]:
+    """Writes submaps into a folder, one file each. Returns what the format has no place for."""
+    losses: tuple[Dropped, ...] = _row_to_write(SUBMAP_FORMATS, Path(path), format, "teamslam").function("write")(
+        submaps, Path(path)
+    )
+    return losses
+
+
+def _row(rows: dict[str, Format], path: Path, format: str | None) -> Format:
+    """The row to read a path with."""
+    if format is not None:
+        return _named(rows, format)
+    if not path.exists():
+        raise InputError("there is no such file or folder; check the path", path=path)
+    for row in rows.values():
+        if row.function("sniff")(path):
+            return row
+    raise InputError(f"this is none of the formats that teamslam reads:\n{_listing(rows)}", path=path)
+
+
+def _row_to_write(rows: dict[str, Format], path: Path, format: str | None, default: str) -> Format:
+    by_suffix = (name for name, row in rows.items() if path.suffix and path.suffix in row.suffixes)
+    row = _named(rows, format or next(by_suffix, default))
+    if not row.writes:
+        writable = {name: row for name, row in rows.items() if row.writes}
+        raise InputError(f"teamslam reads this format but does not write it; it writes:\n{_listing(writable)}")
+    return row
+
+
+def _named(rows: dict[str, Format], name: str) -> Format:
+    if name not in rows:
+        raise InputError(f"unknown format '{name}'; choose one of:\n{_listing(rows)}")
+    return rows[name]
+
+
+def _listing(rows: dict[str, Format]) -> str:
+    return "\n".join(f"  {name}: {row.description}" for name, row in rows.items())

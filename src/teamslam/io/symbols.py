@@ -1,0 +1,54 @@
+"""Variables that files name by a letter and a count ('a12'), as text or as the 64-bit symbols of GTSAM.
+
+    symbol = letter << 56 | count
+
+Robots are numbered by their letter's place in the alphabet of the format, so that a robot has the same number in every
+file; one letter is kept for landmarks.
+"""
+
+from dataclasses import dataclass
+
+from teamslam.model.keys import MAX_INDEX
+
+COUNT_BITS = 56
+LOWER, UPPER = "abcdefghijklmnopqrstuvwxyz", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+@dataclass(frozen=True)
+class Alphabet:
+    """The letters that stand for robots 1, 2, ..., and the one that stands for landmarks."""
+
+    robots: str
+    landmark: str
+
+    def robot(self, letter: str) -> int | None:
+        """The number of the robot with this letter; None where it is no robot's."""
+        return self.robots.index(letter) + 1 if letter in self.robots and letter else None
+
+    def letter(self, robot: int) -> str | None:
+        """The letter of a robot's number; None where the alphabet ends before."""
+        return self.robots[robot - 1] if 1 <= robot <= len(self.robots) else None
+
+
+LOWER_FIRST = Alphabet(LOWER + UPPER.replace("L", ""), "L")  # GTSAM's symbols in g2o and JRL files: robots a, b, c
+UPPER_FIRST = Alphabet(UPPER.replace("L", "") + LOWER, "L")  # PyFG: robots A, B, C
+
+
+def split_symbol(symbol: int) -> tuple[str, int]:
+    """(letter, count) of a 64-bit symbol; letter '' where the top byte is no printable letter."""
+    top = symbol >> COUNT_BITS
+    letter = chr(top) if 33 <= top < 127 else ""
+    return letter, symbol & ((1 << COUNT_BITS) - 1)
+
+
+def symbol(letter: str, count: int) -> int:
+    """The 64-bit symbol of a letter and a count."""
+    return ord(letter) << COUNT_BITS | count
+
+
+def fits(count: int) -> bool:
+    """True where a count can be a pose's index or a landmark's number."""
+    return 0 <= count <= MAX_INDEX
+
+
+__all__ = ["LOWER_FIRST", "UPPER_FIRST", "Alphabet", "fits", "split_symbol", "symbol"]
