@@ -44,7 +44,7 @@ def test_a_robust_loss_is_nearly_the_square_at_a_large_scale(name: str) -> None:
 
 
 def test_the_limits_of_each_robust_loss() -> None:
-    """Far out, with k the scale: Huber is linear in the residual (2k|r| - k^2), Cauchy k^2 log(s/k^2), GM ends at k^2."""
+    """Far out, scale k: Huber is linear in the residual (2k|r| - k^2), Cauchy k^2 log(s/k^2), GM ends at k^2."""
     k, s = 1.5, np.array([1e8, 1e10])
     assert_allclose(Loss("huber", k).cost(s), 2.0 * k * np.sqrt(s) - k * k)
     assert_allclose(Loss("cauchy", k).cost(s), k * k * np.log(s / k**2), rtol=1e-8)

@@ -59,9 +59,7 @@ def test_a_layout_finds_its_variables(pairs: list[tuple[int, Kind]]) -> None:
     for key, kind in pairs:
         at = int(layout.index(key))
         assert (layout.keys[at], layout.kinds[at]) == (key, kind)
-        assert_array_equal(
-            layout.unknowns(np.array([key])), np.arange(layout.dof_start[at], layout.dof_start[at + 1])
-        )
+        assert_array_equal(layout.unknowns(np.array([key])), np.arange(layout.dof_start[at], layout.dof_start[at + 1]))
     for kind in Kind:
         assert_array_equal(layout.keys_of(kind), sorted(key for key, other in pairs if other == kind))
 
@@ -93,9 +91,7 @@ def test_a_layout_that_contradicts_itself_is_refused() -> None:
 
 
 @given(key_lists, st.data())
-def test_select_and_union_take_a_layout_apart_and_together(
-    pairs: list[tuple[int, Kind]], data: st.DataObject
-) -> None:
+def test_select_and_union_take_a_layout_apart_and_together(pairs: list[tuple[int, Kind]], data: st.DataObject) -> None:
     layout = Layout.of([p[0] for p in pairs], [int(p[1]) for p in pairs])
     mask = np.array(data.draw(st.lists(st.booleans(), min_size=len(layout), max_size=len(layout))), bool)
     again = layout.select(mask).union(layout.select(~mask), layout.select(mask))

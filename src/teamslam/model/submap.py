@@ -38,13 +38,16 @@ class Sources(frozenset[Stretch]):
 
     @classmethod
     def of(cls, tables: Iterable[Table]) -> "Sources":
-        """The rows that some tables hold."""
-        found: list[Stretch] = []
+        """The rows that some tables hold, as few stretches as there can be: equal rows make equal sources."""
+        rows: dict[tuple[int, str], list[IntArray]] = {}
         for table in tables:
-            ids = np.sort(table.ids)
+            rows.setdefault((table.robot, table.source), []).append(table.ids)
+        found: list[Stretch] = []
+        for (robot, source), parts in rows.items():
+            ids = np.unique(np.concatenate(parts))
             for run in np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1):
                 if len(run):
-                    found.append(Stretch(table.robot, table.source, int(run[0]), int(run[-1]) + 1))
+                    found.append(Stretch(robot, source, int(run[0]), int(run[-1]) + 1))
         return cls(found)
 
     def overlap(self, other: "Sources") -> Stretch | None:

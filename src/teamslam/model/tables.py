@@ -130,17 +130,20 @@ def whitening(covariance: Array) -> Array:
     if not np.isfinite(flat).all():
         bad = int(np.flatnonzero(~np.isfinite(flat).all((1, 2)))[0])
         raise ModelError(f"covariance {bad} holds a number that is not finite")
-    swapped = np.swapaxes(flat, -1, -2)
-    scale = np.abs(flat).max((1, 2), initial=0.0)
-    lopsided = np.abs(flat - swapped).max((1, 2), initial=0.0) > 1e-6 * scale
+    # Judged as correlations, so that the units of the rows (metres beside microradians) do not matter.
+    variances = np.diagonal(flat, axis1=1, axis2=2)
+    sd = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    correlation = flat / (sd[:, :, None] * sd[:, None, :])
+    swapped = np.swapaxes(correlation, -1, -2)
+    lopsided = np.abs(correlation - swapped).max((1, 2), initial=0.0) > 1e-6
     if lopsided.any():
         raise ModelError(f"covariance {int(np.flatnonzero(lopsided)[0])} is not symmetric")
-    eigenvalues = np.linalg.eigvalsh(0.5 * (flat + swapped))
-    indefinite = eigenvalues[:, 0] <= 1e-14 * np.maximum(eigenvalues[:, -1], 1e-300)
+    correlation = 0.5 * (correlation + swapped)
+    indefinite = (variances.min(-1) <= 0.0) | (np.linalg.eigvalsh(correlation)[:, 0] <= 1e-14)
     if indefinite.any():
         bad = int(np.flatnonzero(indefinite)[0])
         raise ModelError(
-            f"covariance {bad} is not positive definite (smallest eigenvalue {eigenvalues[bad, 0]:.3g}); "
+            f"covariance {bad} is not positive definite (smallest variance {variances[bad].min():.3g}); "
             f"variances must be above zero and correlations below one"
         )
-    return np.linalg.inv(np.linalg.cholesky(0.5 * (flat + swapped))).reshape(c.shape)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(correlation)) / sd[:, None, :]).reshape(c.shape)
