@@ -1,6 +1,7 @@
 """Submaps made from logs, and joined into one map."""
 
 from teamslam.joining.build import build, build_with_solution
+from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
 from teamslam.joining.exact import exact_join
 from teamslam.joining.full import full
 from teamslam.joining.join import Component, Exactness, Joined, join
@@ -11,13 +12,18 @@ __all__ = [
     "ORDERS",
     "Component",
     "Exactness",
+    "Interior",
     "Joined",
     "build",
     "build_with_solution",
+    "condense",
+    "condense_partially",
     "exact_join",
+    "expand",
     "full",
     "join",
     "join_by_tree",
     "join_sequentially",
+    "separators",
     "split",
 ]
