@@ -2,8 +2,7 @@
 // TEAMSLAM_TILE (groups of four rows in a register tile), then include this.
 //
 // A register tile of C, 4 * G rows by up to 4 columns, is loaded, updated over the whole inner dimension and stored
-// once. Operands are read in place: the fronts are small enough to stay in cache, so packing would cost more than it
-// saves. Vectors of four doubles map to one AVX register, two SSE or NEON registers, or plain loops elsewhere.
+// once. Small operands are read in place; packing pays only for larger ones. Vectors of four doubles map to one AVX register, two SSE or NEON registers, or plain loops elsewhere.
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -124,46 +123,82 @@ inline void with_columns(int64_t columns, const Body& body) {
   }
 }
 
-constexpr int64_t row_chunk = 96;      // rows whose operands stay in the first-level cache
-constexpr int64_t column_chunk = 256;  // inner dimension taken at a time
+constexpr int64_t packed_columns = 32;  // columns of C taken at a time, their part of B packed
+constexpr int64_t depth_limit = 256;    // inner dimension taken at a time: a packed tile of A fits the first cache
+constexpr int64_t tile_rows = 4 * TEAMSLAM_TILE;
 
-void subtract_product(int64_t rows, int64_t columns, int64_t inner, const double* a, int64_t a_leading,
+// C -= A B with B(p, j) = b[p * b_inner + j * b_column]; if `lower`, A and C start at the same diagonal entry and only
+// tiles that reach the lower triangle are computed. Operands in place: for small matrices.
+template <bool lower>
+void product_in_place(int64_t rows, int64_t columns, int64_t inner, const double* a, int64_t a_leading,
                       const double* b, int64_t b_inner, int64_t b_column, double* c, int64_t c_leading) {
-  for (int64_t p = 0; p < inner; p += column_chunk) {
-    const int64_t depth = least(column_chunk, inner - p);
-    for (int64_t i0 = 0; i0 < rows; i0 += row_chunk) {
-      const int64_t i1 = least(rows, i0 + row_chunk);
-      for (int64_t j = 0; j < columns; j += 4) {
-        with_columns(columns - j, [&]<int N>() {
-          over_rows(i0, i1, [&]<int G>(int64_t i) {
-            Tile<G, N> tile;
-            tile.read(c + i + j * c_leading, c_leading);
-            tile.subtract(depth, a + i + p * a_leading, a_leading, b + p * b_inner + j * b_column, b_inner, b_column);
-            tile.write(c + i + j * c_leading, c_leading);
-          });
-        });
+  for (int64_t j = 0; j < columns; j += 4) {
+    with_columns(columns - j, [&]<int N>() {
+      over_rows(lower ? j : 0, rows, [&]<int G>(int64_t i) {
+        Tile<G, N> tile;
+        tile.read(c + i + j * c_leading, c_leading);
+        tile.subtract(inner, a + i, a_leading, b + j * b_column, b_inner, b_column);
+        tile.write(c + i + j * c_leading, c_leading);
+      });
+    });
+  }
+}
+
+// The same with both operands packed (Goto and van de Geijn 2008): tiles of A and strips of B become contiguous.
+template <bool lower>
+void product_packed(int64_t rows, int64_t columns, int64_t inner, const double* a, int64_t a_leading, const double* b,
+                    int64_t b_inner, int64_t b_column, double* c, int64_t c_leading) {
+  double strips[packed_columns * depth_limit];
+  double rows_packed[tile_rows * depth_limit];
+  for (int64_t p0 = 0; p0 < inner; p0 += depth_limit) {
+    const int64_t depth = least(depth_limit, inner - p0);
+    for (int64_t j0 = 0; j0 < columns; j0 += packed_columns) {
+      const int64_t width = least(packed_columns, columns - j0);
+      for (int64_t j = 0; j < width; j += 4) {
+        const int64_t n = least(4, width - j);
+        double* to = strips + j * depth;
+        const double* from = b + p0 * b_inner + (j0 + j) * b_column;
+        for (int64_t p = 0; p < depth; ++p) {
+          for (int64_t q = 0; q < n; ++q) to[p * n + q] = from[p * b_inner + q * b_column];
+        }
       }
+      over_rows(lower ? j0 : 0, rows, [&]<int G>(int64_t i) {
+        const double* from = a + i + p0 * a_leading;
+        for (int64_t p = 0; p < depth; ++p) {
+          for (int g = 0; g < G; ++g) store(rows_packed + (p * G + g) * 4, load(from + p * a_leading + 4 * g));
+        }
+        const int64_t end = lower ? least(width, i + 4 * G - j0) : width;
+        for (int64_t j = 0; j < end; j += 4) {
+          with_columns(width - j, [&]<int N>() {
+            Tile<G, N> tile;
+            double* at = c + i + (j0 + j) * c_leading;
+            tile.read(at, c_leading);
+            tile.subtract(depth, rows_packed, 4 * G, strips + j * depth, N, 1);
+            tile.write(at, c_leading);
+          });
+        }
+      });
     }
   }
 }
 
+template <bool lower>
+void product(int64_t rows, int64_t columns, int64_t inner, const double* a, int64_t a_leading, const double* b,
+             int64_t b_inner, int64_t b_column, double* c, int64_t c_leading) {
+  const bool large = rows >= 64 && columns >= 16 && inner >= 16;
+  (large ? product_packed<lower> : product_in_place<lower>)(rows, columns, inner, a, a_leading, b, b_inner, b_column, c,
+                                                            c_leading);
+}
+
+void subtract_product(int64_t rows, int64_t columns, int64_t inner, const double* a, int64_t a_leading,
+                      const double* b, int64_t b_inner, int64_t b_column, double* c, int64_t c_leading) {
+  product<false>(rows, columns, inner, a, a_leading, b, b_inner, b_column, c, c_leading);
+}
+
 void subtract_square(int64_t rows, int64_t inner, const double* a, int64_t a_leading, double* c, int64_t c_leading,
                      int64_t begin, int64_t end) {
-  for (int64_t p = 0; p < inner; p += column_chunk) {
-    const int64_t depth = least(column_chunk, inner - p);
-    const double* from = a + p * a_leading;
-    for (int64_t i0 = begin; i0 < rows; i0 += row_chunk) {
-      const int64_t i1 = least(rows, i0 + row_chunk);
-      for (int64_t j = begin; j < least(end, i1); j += 4) {
-        over_rows(most(i0, j), i1, [&]<int G>(int64_t i) {
-          Tile<G, 4> tile;
-          tile.read(c + i + j * c_leading, c_leading);
-          tile.subtract(depth, from + i, a_leading, from + j, a_leading, 1);
-          tile.write(c + i + j * c_leading, c_leading);
-        });
-      }
-    }
-  }
+  product<true>(rows - begin, end - begin, inner, a + begin, a_leading, a + begin, a_leading, 1,
+                c + begin * (c_leading + 1), c_leading);
 }
 
 // Factors the N x N block at d (its earlier columns already subtracted). Returns the failing column or -1.
@@ -210,41 +245,51 @@ int64_t factor(int64_t columns, double* d, int64_t leading, const double* lowest
   return -1;
 }
 
+constexpr int64_t block = 64;  // columns of a triangle that are divided by in place
+
 void divide_transposed(int64_t rows, int64_t columns, const double* l, int64_t l_leading, const double* inverse,
                        double* x, int64_t x_leading) {
-  for (int64_t i0 = 0; i0 < rows; i0 += row_chunk) {
-    const int64_t i1 = least(rows, i0 + row_chunk);
-    for (int64_t j = 0; j < columns; j += 4) {
-      with_columns(columns - j, [&]<int N>() {
-        over_rows(i0, i1, [&]<int G>(int64_t i) {
+  for (int64_t j0 = 0; j0 < columns; j0 += block) {
+    const int64_t width = least(block, columns - j0);
+    const double* own = l + j0 * (l_leading + 1);
+    double* at = x + j0 * x_leading;
+    if (j0 > 0) product<false>(rows, width, j0, x, x_leading, l + j0, l_leading, 1, at, x_leading);
+    over_rows(0, rows, [&]<int G>(int64_t i) {
+      for (int64_t j = 0; j < width; j += 4) {
+        with_columns(width - j, [&]<int N>() {
           Tile<G, N> tile;
-          tile.read(x + i + j * x_leading, x_leading);
-          tile.subtract(j, x + i, x_leading, l + j, l_leading, 1);
-          tile.divide_transposed(l + j + j * l_leading, l_leading, inverse + j);
-          tile.write(x + i + j * x_leading, x_leading);
+          tile.read(at + i + j * x_leading, x_leading);
+          tile.subtract(j, at + i, x_leading, own + j, l_leading, 1);
+          tile.divide_transposed(own + j * (l_leading + 1), l_leading, inverse + j0 + j);
+          tile.write(at + i + j * x_leading, x_leading);
         });
-      });
-    }
+      }
+    });
   }
 }
 
 void divide(int64_t rows, int64_t columns, const double* l, int64_t l_leading, const double* inverse, double* x,
             int64_t x_leading) {
-  for (int64_t i0 = 0; i0 < rows; i0 += row_chunk) {
-    const int64_t i1 = least(rows, i0 + row_chunk);
-    for (int64_t j = (columns - 1) & ~int64_t{3}; j >= 0; j -= 4) {
-      with_columns(columns - j, [&]<int N>() {
-        const int64_t after = j + N;
-        over_rows(i0, i1, [&]<int G>(int64_t i) {
-          Tile<G, N> tile;
-          tile.read(x + i + j * x_leading, x_leading);
-          tile.subtract(columns - after, x + i + after * x_leading, x_leading, l + after + j * l_leading, 1,
-                        l_leading);
-          tile.divide(l + j + j * l_leading, l_leading, inverse + j);
-          tile.write(x + i + j * x_leading, x_leading);
-        });
-      });
+  for (int64_t j0 = ((columns - 1) / block) * block; j0 >= 0; j0 -= block) {
+    const int64_t width = least(block, columns - j0), after = j0 + width;
+    const double* own = l + j0 * (l_leading + 1);
+    double* at = x + j0 * x_leading;
+    if (after < columns) {
+      product<false>(rows, width, columns - after, x + after * x_leading, x_leading, l + after + j0 * l_leading, 1,
+                     l_leading, at, x_leading);
     }
+    over_rows(0, rows, [&]<int G>(int64_t i) {
+      for (int64_t j = (width - 1) & ~int64_t{3}; j >= 0; j -= 4) {
+        with_columns(width - j, [&]<int N>() {
+          Tile<G, N> tile;
+          tile.read(at + i + j * x_leading, x_leading);
+          tile.subtract(width - j - N, at + i + (j + N) * x_leading, x_leading, own + j + N + j * l_leading, 1,
+                        l_leading);
+          tile.divide(own + j * (l_leading + 1), l_leading, inverse + j0 + j);
+          tile.write(at + i + j * x_leading, x_leading);
+        });
+      }
+    });
   }
 }
 
