@@ -63,6 +63,13 @@ const char* teamslam_error(void) { return last_error.c_str(); }
 
 void teamslam_set_threads(int32_t count) { threads = std::max(1, count); }
 
+void teamslam_model_shape(int32_t model, int32_t dimension, int32_t shape[3]) {
+  const auto which = static_cast<teamslam::Model>(model);
+  shape[0] = teamslam::keys(which);
+  shape[1] = teamslam::measurement_numbers(which, dimension);
+  shape[2] = teamslam::residual_rows(which, dimension);
+}
+
 teamslam_problem* teamslam_problem_new(int64_t variables, const int32_t* kinds, const uint8_t* fixed) {
   return guarded<teamslam_problem*>(
       nullptr, [&] { return new teamslam_problem{teamslam::Problem(variables, kinds, fixed)}; });

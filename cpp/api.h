@@ -1,4 +1,4 @@
-/* The C interface of the kernel: arrays in, arrays out. src/teamslam/kernel.py is its one client.
+/* The C interface of the kernel: arrays in, arrays out. src/teamslam/kernel/ is its one client.
  *
  * Functions that can fail return a negative number (or null) and leave a message in teamslam_error(), which belongs to
  * the calling thread. Lengths of arrays are the caller's duty; what stands in them is checked here. Conventions, models
@@ -23,6 +23,9 @@ typedef struct teamslam_factor teamslam_factor;
 
 TEAMSLAM_API const char* teamslam_error(void);
 TEAMSLAM_API void teamslam_set_threads(int32_t threads);
+
+/* shape: keys, numbers of a measurement, rows of a residual. */
+TEAMSLAM_API void teamslam_model_shape(int32_t model, int32_t dimension, int32_t shape[3]);
 
 /* --- problems ---------------------------------------------------------------------------------------------------- */
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -18,7 +19,7 @@ namespace {
 constexpr double chunk_work = 5e5;
 constexpr int32_t most_chunks = 64;
 
-// Runs body(chunk) for all chunks; whichever thread is idle takes the next.
+// Runs body(chunk) for all chunks; whichever thread is idle takes the next. Throws if a chunk ran out of memory.
 template <class Body>
 void for_each_chunk(int32_t chunks, int threads, const Body& body) {
   if (chunks == 1 || threads == 1) {
@@ -26,9 +27,15 @@ void for_each_chunk(int32_t chunks, int threads, const Body& body) {
     return;
   }
   std::atomic<int32_t> next{0};
+  std::atomic<bool> failed{false};
   run_team(std::min<int>(threads, chunks), [&](Team&) {
-    for (int32_t chunk = next++; chunk < chunks; chunk = next++) body(chunk);
+    try {
+      for (int32_t chunk = next++; chunk < chunks; chunk = next++) body(chunk);
+    } catch (const std::bad_alloc&) {
+      failed = true;
+    }
   });
+  if (failed) throw std::bad_alloc();
 }
 
 double sum_of(const std::vector<double>& numbers) {

@@ -1,0 +1,228 @@
+"""Sparse Cholesky factors of symmetric positive definite block matrices."""
+
+import threading
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from teamslam.errors import ModelError, SolveError
+from teamslam.kernel.library import Floats, address, checked, floats, integers, library
+from teamslam.kernel.pattern import BlockPattern
+
+ORDERINGS = ("automatic", "minimum_degree", "nested_dissection", "geometric", "natural")
+
+
+class NotPositiveDefinite(SolveError):
+    """A pivot was not positive. `variable` is the variable of the pattern at which it was found."""
+
+    def __init__(self, variable: int) -> None:
+        self.variable = variable
+        super().__init__(
+            f"the matrix is not positive definite: a pivot of variable {variable} is not positive; "
+            "look for what determines it"
+        )
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """A factor in numbers: nonzeros of L, flops of one factorisation, bytes held, and the ordering that was used."""
+
+    nonzeros: int
+    flops: float
+    bytes: int
+    ordering: str
+
+
+class Factor:
+    """The Cholesky factor of matrices of one pattern: analysed once, factorised as often as wanted.
+
+    `ordering` is a name of ORDERINGS; positions (n, 3) help it at large sizes. `last` names variables that are
+    eliminated last, in that order, for `eliminate`. Nothing is regularised: NotPositiveDefinite names the variable.
+    """
+
+    def __init__(
+        self,
+        pattern: BlockPattern,
+        ordering: str = "automatic",
+        positions: ArrayLike | None = None,
+        last: ArrayLike | None = None,
+    ) -> None:
+        n = len(pattern.dofs)
+        if n == 0:
+            raise ModelError("the pattern has no variables: there is nothing to factorise")
+        if ordering not in ORDERINGS:
+            raise ModelError(f"ordering: found {ordering!r}, expected one of {', '.join(ORDERINGS)}")
+        places = None if positions is None else floats("positions", positions, (n, 3))
+        if places is not None and not np.isfinite(places).all():
+            raise ModelError("positions: found a number that is not finite")
+        if ordering == "geometric" and places is None:
+            raise ModelError("ordering 'geometric' needs positions")
+        kept = np.zeros(0, np.int64) if last is None else integers("last", last, (None,))
+        if len(kept) and (kept.min() < 0 or kept.max() >= n or len(np.unique(kept)) < len(kept)):
+            raise ModelError(f"last: expected different variables from 0 to {n - 1}")
+        pointer = library.factor_new(
+            n,
+            address(pattern.dofs),
+            address(pattern.column_start),
+            address(pattern.row),
+            ORDERINGS.index(ordering),
+            address(places),
+            address(kept.astype(np.int32)),
+            len(kept),
+        )
+        if not pointer:
+            raise SolveError(library.error().decode())
+        self._pointer: int = pointer
+        weakref.finalize(self, library.factor_free, pointer)
+        self.pattern = pattern
+        self._last_size = int(pattern.dofs[kept].sum())
+        self._lock = threading.Lock()
+        self._holds = "nothing"  # or "factor", "complement"
+        self._pivot = np.empty(1, np.int32)
+
+    def factor(self, values: ArrayLike, damping: ArrayLike | None = None) -> None:
+        """Factorise the matrix with `values` on the pattern, plus diag(damping) (scalars,)."""
+        a, d = self._matrix(values, damping)
+        with self._lock:
+            self._holds = "nothing"
+            checked(library.factorise(self._pointer, address(a), address(d), address(self._pivot)))
+            self._check_pivot()
+            self._holds = "factor"
+
+    def solve(self, rhs: ArrayLike) -> Floats:
+        """x with A x = rhs, for rhs (scalars,) or (scalars, k)."""
+        x, columns = self._columns(rhs)
+        with self._held("factor"):
+            checked(library.solve(self._pointer, address(x), columns))
+        return _as_given(x)
+
+    def solve_lower(self, rhs: ArrayLike) -> Floats:
+        """L^-1 P rhs, in elimination order: with rhs = J', its X'X is J A^-1 J'."""
+        x, columns = self._columns(rhs)
+        with self._held("factor"):
+            checked(library.solve_lower(self._pointer, address(x), columns))
+        return _as_given(x)
+
+    def log_determinant(self) -> float:
+        """log det A."""
+        with self._held("factor"):
+            return float(library.log_determinant(self._pointer))
+
+    def inverse_on_pattern(self) -> Floats:
+        """The entries of A^-1 where A has entries, in the layout of its values."""
+        out = np.empty(self.pattern.size)
+        with self._held("factor"):
+            checked(library.inverse_on_pattern(self._pointer, address(out)))
+        return out
+
+    def diagonal_inverse(self) -> list[Floats]:
+        """The diagonal block (dof, dof) of A^-1 of every variable: its marginal covariance."""
+        dofs = self.pattern.dofs.astype(np.int64)
+        starts = np.concatenate([[0], np.cumsum(dofs * dofs)])
+        flat = np.empty(int(starts[-1]))
+        with self._held("factor"):
+            checked(library.diagonal_inverse(self._pointer, address(flat)))
+        blocks: list[Floats] = [flat] * len(dofs)
+        for d in np.unique(dofs):
+            where = np.flatnonzero(dofs == d)
+            stack = flat[starts[where, None] + np.arange(d * d)].reshape(-1, d, d)
+            for variable, block in zip(where.tolist(), stack, strict=True):
+                blocks[variable] = block
+        return blocks
+
+    def eliminate(
+        self, values: ArrayLike, rhs: ArrayLike | None = None, damping: ArrayLike | None = None
+    ) -> tuple[Floats, Floats | None]:
+        """The Schur complement onto `last` (m, m), and with rhs (scalars,) the right-hand side reduced with it (m,).
+
+        complement = A_ll - A_li A_ii^-1 A_il,  reduced = b_l - A_li A_ii^-1 b_i. Raises NotPositiveDefinite where A_ii
+        is not.
+        """
+        a, d = self._matrix(values, damping)
+        if self._last_size == 0:
+            raise ModelError("the factor was made without 'last' variables to eliminate onto")
+        m = self._last_size
+        complement = np.empty((m, m))
+        b = None if rhs is None else floats("rhs", rhs, (self.pattern.scalars,))
+        reduced = None if rhs is None else np.empty(m)
+        with self._lock:
+            self._holds = "nothing"
+            checked(
+                library.eliminate(
+                    self._pointer,
+                    address(a),
+                    address(d),
+                    address(complement),
+                    address(b),
+                    address(reduced),
+                    address(self._pivot),
+                )
+            )
+            self._check_pivot()
+            self._holds = "complement"
+        return complement, reduced
+
+    def back_substitute(self, last_solution: ArrayLike, rhs: ArrayLike) -> Floats:
+        """The whole solution (scalars,), from that of `last` (m,) and the right-hand side given to `eliminate`."""
+        known = floats("last_solution", last_solution, (self._last_size,))
+        x = floats("rhs", rhs, (self.pattern.scalars,)).copy()
+        with self._held("complement"):
+            checked(library.back_substitute(self._pointer, address(known), address(x)))
+        return x
+
+    @property
+    def order(self) -> NDArray[np.int32]:
+        """The variable at each position of the elimination."""
+        out = np.empty(len(self.pattern.dofs), np.int32)
+        library.order(self._pointer, len(out), address(out))
+        return out
+
+    @property
+    def statistics(self) -> Statistics:
+        """The factor in numbers."""
+        numbers = np.empty(4)
+        library.statistics(self._pointer, address(numbers))
+        return Statistics(int(numbers[0]), float(numbers[1]), int(numbers[2]), ORDERINGS[int(numbers[3])])
+
+    # --- inside ---------------------------------------------------------------------------------------------------
+
+    def _matrix(self, values: ArrayLike, damping: ArrayLike | None) -> tuple[Floats, Floats | None]:
+        a = floats("values", values, (self.pattern.size,))
+        return a, None if damping is None else floats("damping", damping, (self.pattern.scalars,))
+
+    def _columns(self, rhs: ArrayLike) -> tuple[Floats, int]:
+        """A column-major copy, as its transpose (k, scalars), and its number of columns."""
+        n = self.pattern.scalars
+        given = floats("rhs", rhs, (n,), (n, None))
+        return given.T.copy(), 1 if given.ndim == 1 else given.shape[1]
+
+    def _check_pivot(self) -> None:
+        if self._pivot[0] >= 0:
+            raise NotPositiveDefinite(int(self._pivot[0]))
+
+    def _held(self, wanted: str) -> "_Held":
+        return _Held(self._lock, self, wanted)
+
+
+class _Held:
+    """The lock of a factor, taken only if it holds what is wanted."""
+
+    def __init__(self, lock: threading.Lock, factor: Factor, wanted: str) -> None:
+        self.lock, self.factor, self.wanted = lock, factor, wanted
+
+    def __enter__(self) -> None:
+        self.lock.acquire()
+        holds = self.factor._holds
+        if holds != self.wanted:
+            self.lock.release()
+            call = {"factor": "factor", "complement": "eliminate"}[self.wanted]
+            raise SolveError(f"the factor holds {holds}; call {call} first")
+
+    def __exit__(self, *_: object) -> None:
+        self.lock.release()
+
+
+def _as_given(x: Floats) -> Floats:
+    return x if x.ndim == 1 else x.T

@@ -1,0 +1,147 @@
+"""The shared library behind its C interface (cpp/api.h): loaded once, errors turned into ours, arrays checked."""
+
+import ctypes
+import os
+from ctypes import c_char_p, c_double, c_int32, c_int64, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from teamslam.errors import ModelError, TeamslamError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+P, I, L, D = c_void_p, c_int32, c_int64, c_double
+
+# What each function returns and takes, in the order of cpp/api.h.
+SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
+    "error": (c_char_p, []),
+    "set_threads": (None, [I]),
+    "model_shape": (None, [I, I, P]),
+    "problem_new": (P, [L, P, P]),
+    "problem_free": (None, [P]),
+    "add_table": (L, [P, I, I, L, P, P, P, I, P, I, D]),
+    "add_submap": (L, [P, L, L, P, P, P, P, P, P, P]),
+    "add_blocks": (L, [P, L, L, P, L]),
+    "set_weights": (I, [P, L, P]),
+    "set_submap": (I, [P, L, P, P, P]),
+    "freeze": (I, [P, P]),
+    "pattern": (None, [P, P, P, P]),
+    "linearise": (I, [P, P, L, P, P, P, P, P]),
+    "cost": (I, [P, P, P]),
+    "residuals": (I, [P, L, P, P]),
+    "retract": (I, [P, P, P, P]),
+    "factor_new": (P, [L, P, P, P, I, P, P, I]),
+    "factor_free": (None, [P]),
+    "factorise": (I, [P, P, P, P]),
+    "solve": (I, [P, P, L]),
+    "solve_lower": (I, [P, P, L]),
+    "log_determinant": (D, [P]),
+    "inverse_on_pattern": (I, [P, P]),
+    "diagonal_inverse": (I, [P, P]),
+    "eliminate": (I, [P, P, P, P, P, P, P]),
+    "back_substitute": (I, [P, P, P]),
+    "order": (None, [P, L, P]),
+    "statistics": (None, [P, P]),
+}
+
+
+class Library:
+    """The functions of the kernel as attributes, without their prefix."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            loaded = ctypes.CDLL(str(path))
+        except OSError as problem:
+            raise TeamslamError(
+                f"the native kernel could not be loaded ({problem}); build and install the package with 'pip install .'"
+            ) from None
+        for name, (result, arguments) in SIGNATURES.items():
+            function = getattr(loaded, f"teamslam_{name}")
+            function.restype, function.argtypes = result, arguments
+            setattr(self, name, function)
+
+    def __getattr__(self, name: str) -> Any:  # for type checkers: every function is set in __init__
+        raise AttributeError(name)
+
+
+def _find() -> Path:
+    """Beside the package; another build of it (a sanitiser's) can be named by TEAMSLAM_KERNEL."""
+    named = os.environ.get("TEAMSLAM_KERNEL")
+    if named:
+        return Path(named)
+    folder = Path(__file__).parent.parent
+    return next(
+        (p for p in sorted(folder.glob("_kernel.*")) if p.suffix in (".so", ".dylib", ".dll")), folder / "_kernel.so"
+    )
+
+
+library = Library(_find())
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_threads = 1
+
+
+def set_threads(count: int) -> None:
+    """Let the kernel use `count` threads from now on. Results do not depend on it, to the bit."""
+    global _threads
+    if count < 1:
+        raise ModelError(f"threads: found {count}, expected at least 1")
+    _threads = int(count)
+    library.set_threads(_threads)
+
+
+def threads() -> int:
+    """How many threads the kernel uses; at first two, or one where there is only one processor."""
+    return _threads
+
+
+set_threads(min(2, _processors()))
+
+
+def checked(result: int) -> int:
+    """The result of a kernel function, or its complaint as a ModelError."""
+    if result < 0:
+        raise ModelError(library.error().decode())
+    return result
+
+
+def address(array: NDArray[Any] | None) -> int | None:
+    """Where the numbers of a contiguous array begin."""
+    return None if array is None else int(array.__array_interface__["data"][0])
+
+
+def floats(name: str, given: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:
+    """`given` as contiguous float64 of one of the shapes (None: any length). Raises ModelError."""
+    return np.ascontiguousarray(_array(name, given, "fiu", "float64", shapes), np.float64)
+
+
+def integers(name: str, given: ArrayLike, *shapes: tuple[int | None, ...]) -> Integers:
+    """`given` as contiguous int64 of one of the shapes (None: any length). Raises ModelError."""
+    return np.ascontiguousarray(_array(name, given, "iu", "int64", shapes), np.int64)
+
+
+def _array(
+    name: str, given: ArrayLike, kinds: str, wanted: str, shapes: tuple[tuple[int | None, ...], ...]
+) -> NDArray[Any]:
+    try:
+        array = np.asarray(given)
+    except (ValueError, TypeError) as problem:
+        raise ModelError(f"{name}: not an array ({problem})") from None
+    if array.dtype.kind not in kinds and array.size > 0:
+        raise ModelError(f"{name}: found {array.dtype} numbers, expected {wanted}")
+    if not any(_fits(array.shape, shape) for shape in shapes):
+        expected = " or ".join(str(tuple("any" if n is None else n for n in shape)) for shape in shapes)
+        raise ModelError(f"{name}: found shape {array.shape}, expected {expected}".replace("'", ""))
+    return array
+
+
+def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(found) == len(expected) and all(n is None or n == m for m, n in zip(found, expected, strict=True))

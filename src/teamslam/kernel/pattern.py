@@ -1,0 +1,78 @@
+"""Which blocks of a symmetric block matrix are stored."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from teamslam.errors import ModelError
+from teamslam.kernel.library import integers
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPattern:
+    """The lower triangle of a symmetric matrix of blocks, by block column.
+
+    Variable v has dofs[v] unknowns. Column c stores blocks column_start[c] to column_start[c + 1]: its diagonal block
+    first, then rows (variables) in rising order. Block k begins at value_start[k] of the values, dense, column-major;
+    diagonal blocks are stored whole. scalar_start[v] is the first scalar unknown of variable v.
+    Raises ModelError if the arrays do not say so.
+    """
+
+    dofs: NDArray[np.int32]
+    column_start: NDArray[np.int64]
+    row: NDArray[np.int32]
+    value_start: NDArray[np.int64] = field(init=False)
+    scalar_start: NDArray[np.int64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        dofs = integers("dofs", self.dofs, (None,))
+        n = len(dofs)
+        column_start = integers("column_start", self.column_start, (n + 1,))
+        row = integers("row", self.row, (None,))
+        if n and (dofs.min() < 1 or dofs.max() > np.iinfo(np.int32).max):
+            raise ModelError(f"dofs: variable {int(dofs.argmin())} has {dofs.min()} unknowns, expected at least 1")
+        lengths = np.diff(column_start)
+        if column_start[0] != 0 or column_start[-1] != len(row) or (n and lengths.min() < 1):
+            raise ModelError(
+                "column_start: expected to rise from 0 to the number of blocks, one block or more a column"
+            )
+        column = np.repeat(np.arange(n), lengths)
+        if not np.array_equal(row[column_start[:-1]], np.arange(n)):
+            raise ModelError("row: every column must begin with its diagonal block")
+        if (np.diff(row)[np.diff(column) == 0] <= 0).any() or (n and (row.min() < 0 or row.max() >= n)):
+            raise ModelError(f"row: rows must rise within a column and be below {n}")
+        object.__setattr__(self, "dofs", dofs.astype(np.int32))
+        object.__setattr__(self, "column_start", column_start)
+        object.__setattr__(self, "row", row.astype(np.int32))
+        object.__setattr__(self, "value_start", _starts(dofs[row] * dofs[column]))
+        object.__setattr__(self, "scalar_start", _starts(dofs))
+
+    @classmethod
+    def from_pairs(cls, dofs: ArrayLike, first: ArrayLike, second: ArrayLike) -> "BlockPattern":
+        """All diagonal blocks, and one block for every pair of variables (in any order, any number of times)."""
+        sizes = integers("dofs", dofs, (None,))
+        a = integers("first", first, (None,))
+        b, n = integers("second", second, (len(a),)), len(sizes)
+        if len(a) and (min(a.min(), b.min()) < 0 or max(a.max(), b.max()) >= n):
+            raise ModelError(f"pairs: found variables outside 0 to {n - 1}")
+        code = np.unique(np.concatenate([np.minimum(a, b) * n + np.maximum(a, b), np.arange(n) * (n + 1)]))
+        return cls(
+            sizes.astype(np.int32), np.searchsorted(code, np.arange(n + 1) * n), (code % max(n, 1)).astype(np.int32)
+        )
+
+    @property
+    def size(self) -> int:
+        """Numbers stored."""
+        return int(self.value_start[-1])
+
+    @property
+    def scalars(self) -> int:
+        """Scalar unknowns: the matrix is scalars x scalars."""
+        return int(self.scalar_start[-1])
+
+
+def _starts(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    starts = np.zeros(len(lengths) + 1, np.int64)
+    np.cumsum(lengths, out=starts[1:])
+    return starts

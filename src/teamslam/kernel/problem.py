@@ -1,0 +1,291 @@
+"""A non-linear least-squares problem: terms are added, then it is linearised as often as wanted."""
+
+import threading
+import weakref
+from collections.abc import Mapping
+from functools import cache
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from teamslam.errors import ModelError
+from teamslam.kernel.library import Floats, Integers, address, checked, floats, integers, library
+from teamslam.kernel.pattern import BlockPattern
+
+# Names in the order of the kernel's numbers (cpp/models.hpp, cpp/losses.hpp).
+MODELS = ("relative_pose", "point", "range", "bearing", "range_bearing", "position", "pose")
+LOSSES = ("squared", "huber", "cauchy", "geman_mcclure")
+
+NUMBERS = np.array([6, 12, 2, 3])  # of each kind, in the state
+DOFS = np.array([3, 6, 2, 3])
+
+T = TypeVar("T")
+Blocks = Mapping[int, tuple[ArrayLike, ArrayLike, float]]
+
+
+class Problem:
+    """Variables (`kinds` (n,), those that are `fixed` (n,) held constant and absent from H) and terms.
+
+    All terms are added before the first use, which fixes the structure. Methods raise ModelError for what does not
+    fit; nothing given is changed or kept. A problem may be used from several threads, which then take turns.
+    """
+
+    def __init__(self, kinds: ArrayLike, fixed: ArrayLike | None = None) -> None:
+        self._kinds = integers("kinds", kinds, (None,))
+        n = len(self._kinds)
+        held = np.zeros(n, bool) if fixed is None else np.asarray(fixed)
+        if held.shape != (n,) or held.dtype != bool:
+            raise ModelError(f"fixed: found {held.dtype} {held.shape}, expected bool ({n},)")
+        if n and (self._kinds.min() < 0 or self._kinds.max() > 3):
+            raise ModelError("kinds: expected 0 pose2, 1 pose3, 2 point2 or 3 point3")
+        held_bytes = np.ascontiguousarray(held, np.uint8)
+        pointer = library.problem_new(n, address(self._kinds.astype(np.int32)), address(held_bytes))
+        if not pointer:
+            raise ModelError(library.error().decode())
+        self._pointer: int = pointer
+        weakref.finalize(self, library.problem_free, pointer)
+        self._lock = threading.Lock()
+        self._numbers = int(NUMBERS[self._kinds].sum())
+        self._tables: dict[int, tuple[int, int]] = {}  # handle -> rows, residuals of a row
+        self._submaps: dict[int, tuple[int, int, int]] = {}  # handle -> numbers, values, unknowns
+        self._blocks: dict[int, tuple[int, int, int]] = {}  # handle -> rows, residuals of a row, columns
+        self._pattern: BlockPattern | None = None
+        self._system = 0
+        self._one = np.empty(1)
+        self._one_address = address(self._one)
+
+    # --- adding ---------------------------------------------------------------------------------------------------
+
+    def add_table(
+        self,
+        model: str | int,
+        dimension: int,
+        index: ArrayLike,
+        z: ArrayLike,
+        whitening: ArrayLike,
+        sensor: ArrayLike | None = None,
+        loss: str = "squared",
+        scale: float = 1.0,
+    ) -> int:
+        """A table of m measurements of one model (a name of MODELS, or its place); returns its handle.
+
+        `dimension` 2 or 3; index (m, keys) names variables; z (m, numbers); whitening (m, r, r), or (1, r, r) for all
+        rows; `sensor` is the sensor's pose in the observer's body, T then R row by row (6 or 12). `loss` is a name of
+        LOSSES and `scale` its scale in standard deviations.
+        """
+        which = _place(model, MODELS, "model") if isinstance(model, str) else int(model)
+        if not 0 <= which < len(MODELS):
+            raise ModelError(f"model: found {which}, expected 0 to {len(MODELS) - 1}")
+        if dimension not in (2, 3):
+            raise ModelError(f"dimension: found {dimension}, expected 2 or 3")
+        name = MODELS[which]
+        keys, numbers, r = _model_shape(which, dimension)
+        pairs = integers(f"{name} index", index, (None, keys))
+        m = len(pairs)
+        measured = floats(f"{name} z", z, (m, numbers))
+        white = floats(f"{name} whitening", whitening, (m, r, r), (1, r, r))
+        mount = None if sensor is None else floats(f"{name} sensor", sensor, ((6,), (12,))[dimension - 2])
+        handle = checked(
+            library.add_table(
+                self._pointer,
+                which,
+                dimension,
+                m,
+                address(pairs),
+                address(measured),
+                address(white),
+                len(white) == 1,
+                address(mount),
+                _place(loss, LOSSES, "loss"),
+                float(scale),
+            )
+        )
+        self._tables[handle] = (m, r)
+        return handle
+
+    def set_weights(self, handle: int, weights: ArrayLike | None) -> None:
+        """Factors (m,), at least 0, on each row's part of cost, gradient and H; None takes them away."""
+        m, _ = self._known(self._tables, handle, "table")
+        given = None if weights is None else floats("weights", weights, (m,))
+        with self._lock:
+            checked(library.set_weights(self._pointer, handle, address(given)))
+
+    def add_submap(
+        self,
+        base: int,
+        members: ArrayLike,
+        kinds: ArrayLike,
+        state: ArrayLike,
+        pattern: BlockPattern,
+        values: ArrayLike,
+        eta: ArrayLike | None = None,
+    ) -> int:
+        """A submap as one measurement (paper, eq. 11): cost e'Ie + 2 eta'e with e_v = s_v (-) (X_base^-1 X_v).
+
+        `base` is the variable that is the submap's frame, -1 for the world's; members (n,) are variables, with local
+        estimates of `kinds` (n,) in `state`. The information I has `pattern` (over the estimates' unknowns) and
+        `values`; eta (its unknowns,) is zero if left out. A pose3 estimate may stand for a pose2 variable.
+        """
+        names = integers("submap members", members, (None,))
+        n = len(names)
+        own_kinds = integers("submap kinds", kinds, (n,))
+        if n and (own_kinds.min() < 0 or own_kinds.max() > 3):
+            raise ModelError("submap kinds: expected 0 pose2, 1 pose3, 2 point2 or 3 point3")
+        if not np.array_equal(pattern.dofs, DOFS[own_kinds]):
+            raise ModelError("submap pattern: its unknowns are not those of the kinds of the members")
+        sizes = (int(NUMBERS[own_kinds].sum()), pattern.size, pattern.scalars)
+        estimate, information, slope = _submap_arrays(sizes, state, values, eta)
+        handle = checked(
+            library.add_submap(
+                self._pointer,
+                int(base),
+                n,
+                address(names),
+                address(own_kinds.astype(np.int32)),
+                address(estimate),
+                address(pattern.column_start),
+                address(pattern.row),
+                address(information),
+                address(slope),
+            )
+        )
+        self._submaps[handle] = sizes
+        return handle
+
+    def set_submap(self, handle: int, state: ArrayLike, values: ArrayLike, eta: ArrayLike | None = None) -> None:
+        """New numbers in place of a submap's, on the same structure."""
+        sizes = self._known(self._submaps, handle, "submap")
+        estimate, information, slope = _submap_arrays(sizes, state, values, eta)
+        with self._lock:
+            checked(library.set_submap(self._pointer, handle, address(estimate), address(information), address(slope)))
+
+    def add_blocks(self, index: ArrayLike, rows: int) -> int:
+        """Measurements linearised by the caller: index (m, k) names variables of the same kinds in every row, each row
+        with `rows` residuals. `linearise` then wants (e, J, cost) under the handle returned."""
+        names = integers("blocks index", index, (None, None))
+        m, keys = names.shape
+        handle = checked(library.add_blocks(self._pointer, m, keys, address(names), int(rows)))
+        self._blocks[handle] = (m, int(rows), int(DOFS[self._kinds[names[0]]].sum()))
+        return handle
+
+    # --- using ----------------------------------------------------------------------------------------------------
+
+    @property
+    def pattern(self) -> BlockPattern:
+        """The blocks of H, over the free variables in the order of their index."""
+        if self._pattern is None:
+            self._pattern = self._freeze()
+        return self._pattern
+
+    def linearise(self, state: ArrayLike, blocks: Blocks | None = None) -> tuple[float, Floats, Floats]:
+        """Cost, gradient g (scalars,) and the values of H on `pattern`, all weighted, at `state`.
+
+        `blocks` gives for every handle of `add_blocks` e (m, rows) and J (m, rows, dof), J = -de/dx, both whitened and
+        weighted, and their part of the cost.
+        """
+        x = self._state(state)
+        pattern = self.pattern
+        handles, errors, jacobians, user_cost = self._user_blocks(blocks or {})
+        system = np.empty(self._system)
+        with self._lock:
+            checked(
+                library.linearise(
+                    self._pointer,
+                    address(x),
+                    len(handles),
+                    address(handles),
+                    address(_addresses(errors)),
+                    address(_addresses(jacobians)),
+                    address(system),
+                    self._one_address,
+                )
+            )
+            cost = float(self._one[0])
+        size = pattern.size
+        return cost + user_cost, system[size : size + pattern.scalars], system[:size]
+
+    def cost(self, state: ArrayLike) -> float:
+        """The cost at `state` of all terms but the blocks of `add_blocks`."""
+        x = self._state(state)
+        with self._lock:
+            checked(library.cost(self._pointer, address(x), self._one_address))
+            return float(self._one[0])
+
+    def residuals(self, state: ArrayLike, handle: int) -> Floats:
+        """The whitened residuals (m, r) of a table, without loss or weights, in the order in which it was given."""
+        out = np.empty(self._known(self._tables, handle, "table"))
+        x = self._state(state)
+        with self._lock:
+            checked(library.residuals(self._pointer, handle, address(x), address(out)))
+        return out
+
+    def retract(self, state: ArrayLike, delta: ArrayLike) -> Floats:
+        """The state moved by delta (scalars,) over the free variables. Rotations are kept orthonormal to rounding."""
+        x = self._state(state)
+        step = floats("delta", delta, (self.pattern.scalars,))
+        out = np.empty_like(x)
+        checked(library.retract(self._pointer, address(x), address(step), address(out)))
+        return out
+
+    # --- inside ---------------------------------------------------------------------------------------------------
+
+    def _state(self, state: ArrayLike) -> Floats:
+        return floats("state", state, (self._numbers,))
+
+    @staticmethod
+    def _known(terms: dict[int, T], handle: int, name: str) -> T:
+        try:
+            return terms[handle]
+        except (KeyError, TypeError):
+            raise ModelError(f"handle {handle!r} is no {name} of this problem") from None
+
+    def _freeze(self) -> BlockPattern:
+        sizes = np.empty(3, np.int64)
+        with self._lock:
+            checked(library.freeze(self._pointer, address(sizes)))
+        n, blocks, self._system = (int(size) for size in sizes)
+        dofs, column_start, row = np.empty(n, np.int32), np.empty(n + 1, np.int64), np.empty(blocks, np.int32)
+        library.pattern(self._pointer, address(dofs), address(column_start), address(row))
+        return BlockPattern(dofs, column_start, row)
+
+    def _user_blocks(self, given: Blocks) -> tuple[Integers, list[Floats], list[Floats], float]:
+        if set(given) != set(self._blocks):
+            raise ModelError(f"blocks: found handles {sorted(given)}, expected {sorted(self._blocks)}")
+        errors, jacobians, total = [], [], 0.0
+        for handle, (m, rows, columns) in self._blocks.items():
+            error, jacobian, cost = given[handle]
+            e, J = floats("blocks e", error, (m, rows)), floats("blocks J", jacobian, (m, rows, columns))
+            if not (np.isfinite(e).all() and np.isfinite(J).all() and np.isfinite(cost)):
+                raise ModelError(f"blocks: e, J or the cost of handle {handle} has a number that is not finite")
+            errors.append(e)
+            jacobians.append(J)
+            total += float(cost)
+        return np.array(list(self._blocks), np.int64), errors, jacobians, total
+
+
+@cache
+def _model_shape(model: int, dimension: int) -> tuple[int, int, int]:
+    shape = np.empty(3, np.int32)
+    library.model_shape(model, dimension, address(shape))
+    return int(shape[0]), int(shape[1]), int(shape[2])
+
+
+def _place(name: str, names: tuple[str, ...], what: str) -> int:
+    if name not in names:
+        raise ModelError(f"{what}: found {name!r}, expected one of {', '.join(names)}")
+    return names.index(name)
+
+
+def _submap_arrays(
+    sizes: tuple[int, int, int], state: ArrayLike, values: ArrayLike, eta: ArrayLike | None
+) -> tuple[Floats, Floats, Floats | None]:
+    return (
+        floats("submap state", state, (sizes[0],)),
+        floats("submap values", values, (sizes[1],)),
+        None if eta is None else floats("submap eta", eta, (sizes[2],)),
+    )
+
+
+def _addresses(arrays: list[Floats]) -> NDArray[np.uintp]:
+    return np.array([address(array) for array in arrays], np.uintp)
