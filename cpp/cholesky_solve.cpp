@@ -12,55 +12,56 @@ namespace {
 
 constexpr int64_t wide = 8;
 
-// Passes through the fronts first .. end over y, `width` values for each elimination-order scalar.
+// Passes through the first fronts over y, `width` values for each elimination-order scalar.
+template <int64_t width>
 class Sweep {
  public:
-  Sweep(const Symbolic& s, const double* panel, const double* inverse, int64_t width)
-      : s_(s), panel_(panel), inverse_(inverse), width_(width), dense_(dense_kernels()),
+  Sweep(const Symbolic& s, const double* panel, const double* inverse)
+      : s_(s), panel_(panel), inverse_(inverse), dense_(dense_kernels()),
         t_(static_cast<size_t>(padded(s.largest_front) * width)) {}
 
   void forward(double* y, size_t fronts) {
+    double* t = t_.data();
     for (size_t f = 0; f < fronts; ++f) {
       const Front& front = s_.front[f];
       const double* d = panel_ + front.panel;
       const double* l = d + front.below();
-      double* x = y + front.first_scalar * width_;
+      double* x = y + front.first_scalar * width;
       const double* inverse = inverse_ + front.first_scalar;
-      if (width_ == 1) {
+      if constexpr (width == 1) {
         dense_.forward_one(front.columns, front.leading_rows(), d, front.leading_pivot(), l, front.leading_rows(),
-                           inverse, x, t_.data());
+                           inverse, x, t);
       } else {
-        dense_.divide_transposed(width_, front.columns, d, front.leading_pivot(), inverse, x, width_);
-        std::fill_n(t_.begin(), front.rows * width_, 0.0);
-        dense_.subtract_product(width_, front.rows, front.columns, x, width_, l, front.leading_rows(), 1, t_.data(),
-                                width_);
+        dense_.divide_transposed(width, front.columns, d, front.leading_pivot(), inverse, x, width);
+        std::fill_n(t, front.rows * width, 0.0);
+        dense_.subtract_product(width, front.rows, front.columns, x, width, l, front.leading_rows(), 1, t, width);
       }
       const int32_t* row = s_.row_scalar.data() + front.row_start;
       for (int64_t i = 0; i < front.rows; ++i) {
-        for (int64_t c = 0; c < width_; ++c) y[row[i] * width_ + c] += t_[i * width_ + c];
+        for (int64_t c = 0; c < width; ++c) y[row[i] * width + c] += t[i * width + c];
       }
     }
   }
 
   void backward(double* y, size_t fronts) {
+    double* t = t_.data();
     for (size_t f = fronts; f-- > 0;) {
       const Front& front = s_.front[f];
       const double* d = panel_ + front.panel;
       const double* l = d + front.below();
-      double* x = y + front.first_scalar * width_;
+      double* x = y + front.first_scalar * width;
       const double* inverse = inverse_ + front.first_scalar;
       const int32_t* row = s_.row_scalar.data() + front.row_start;
       for (int64_t i = 0; i < front.rows; ++i) {
-        for (int64_t c = 0; c < width_; ++c) t_[i * width_ + c] = y[row[i] * width_ + c];
+        for (int64_t c = 0; c < width; ++c) t[i * width + c] = y[row[i] * width + c];
       }
-      if (width_ == 1) {
-        std::fill(t_.begin() + front.rows, t_.begin() + front.leading_rows(), 0.0);
+      if constexpr (width == 1) {
+        for (int64_t i = front.rows; i < front.leading_rows(); ++i) t[i] = 0;
         dense_.backward_one(front.columns, front.leading_rows(), d, front.leading_pivot(), l, front.leading_rows(),
-                            inverse, x, t_.data());
+                            inverse, x, t);
       } else {
-        dense_.subtract_product(width_, front.columns, front.rows, t_.data(), width_, l, 1, front.leading_rows(), x,
-                                width_);
-        dense_.divide(width_, front.columns, d, front.leading_pivot(), inverse, x, width_);
+        dense_.subtract_product(width, front.columns, front.rows, t, width, l, 1, front.leading_rows(), x, width);
+        dense_.divide(width, front.columns, d, front.leading_pivot(), inverse, x, width);
       }
     }
   }
@@ -69,18 +70,17 @@ class Sweep {
   const Symbolic& s_;
   const double* panel_;
   const double* inverse_;
-  int64_t width_;
   const DenseKernels& dense_;
   std::vector<double> t_;
 };
 
-// Calls body(sweep, y) on the columns of rhs, permuted, in groups of one or `wide`, and writes y back: to natural
-// positions if `natural`, else in elimination order.
-template <class Body>
-void over_columns(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
-                  bool natural, const Body& body) {
-  const int64_t width = columns == 1 ? 1 : wide;
-  Sweep sweep(s, panel, inverse, width);
+enum class Result { natural, eliminated };  // the order in which a result is written
+
+// Calls body(sweep, y) on the columns of rhs, permuted, in groups of `width`, and writes y back.
+template <int64_t width, class Body>
+void over_groups(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
+                 Result result, const Body& body) {
+  Sweep<width> sweep(s, panel, inverse);
   std::vector<double> y(static_cast<size_t>(s.scalars * width), 0.0);
   for (int64_t c0 = 0; c0 < columns; c0 += width) {
     const int64_t count = std::min(width, columns - c0);
@@ -91,9 +91,19 @@ void over_columns(const Symbolic& s, const double* panel, const double* inverse,
     }
     body(sweep, y.data());
     for (int64_t i = 0; i < s.scalars; ++i) {
-      const int64_t to = natural ? s.natural_scalar[i] : i;
+      const int64_t to = result == Result::natural ? s.natural_scalar[i] : i;
       for (int64_t c = 0; c < count; ++c) group[to + c * s.scalars] = y[i * width + c];
     }
+  }
+}
+
+template <class Body>
+void over_columns(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
+                  Result result, const Body& body) {
+  if (columns == 1) {
+    over_groups<1>(s, panel, inverse, rhs, columns, result, body);
+  } else {
+    over_groups<wide>(s, panel, inverse, rhs, columns, result, body);
   }
 }
 
@@ -101,16 +111,16 @@ void over_columns(const Symbolic& s, const double* panel, const double* inverse,
 
 void Cholesky::solve(double* rhs, int64_t columns) const {
   const size_t fronts = symbolic_->front.size();
-  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, true,
-               [&](Sweep& sweep, double* y) {
+  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Result::natural,
+               [&](auto& sweep, double* y) {
                  sweep.forward(y, fronts);
                  sweep.backward(y, fronts);
                });
 }
 
 void Cholesky::solve_lower(double* rhs, int64_t columns) const {
-  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, false,
-               [&](Sweep& sweep, double* y) { sweep.forward(y, symbolic_->front.size()); });
+  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Result::eliminated,
+               [&](auto& sweep, double* y) { sweep.forward(y, symbolic_->front.size()); });
 }
 
 int32_t Cholesky::eliminate(const double* values, const double* damping, double* complement, const double* rhs,
@@ -126,8 +136,8 @@ int32_t Cholesky::eliminate(const double* values, const double* damping, double*
   }
   if (rhs == nullptr) return failed;
   std::vector<double> y(rhs, rhs + s.scalars);
-  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), y.data(), 1, false,
-               [&](Sweep& sweep, double* x) { sweep.forward(x, s.front.size() - 1); });
+  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), y.data(), 1, Result::eliminated,
+               [&](auto& sweep, double* x) { sweep.forward(x, s.front.size() - 1); });
   std::copy(y.begin() + (s.scalars - m), y.end(), reduced_rhs);
   return failed;
 }
@@ -135,7 +145,7 @@ int32_t Cholesky::eliminate(const double* values, const double* damping, double*
 void Cholesky::back_substitute(const double* last_solution, double* rhs_inout) const {
   const Symbolic& s = *symbolic_;
   const size_t interiors = s.front.size() - (s.last_scalars > 0 ? 1 : 0);
-  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), rhs_inout, 1, true, [&](Sweep& sweep, double* y) {
+  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), rhs_inout, 1, Result::natural, [&](auto& sweep, double* y) {
     sweep.forward(y, interiors);
     std::copy(last_solution, last_solution + s.last_scalars, y + (s.scalars - s.last_scalars));
     sweep.backward(y, interiors);

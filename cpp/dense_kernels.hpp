@@ -343,15 +343,30 @@ void forward_one(int64_t columns, int64_t rows, const double* d, int64_t d_leadi
 
 void backward_one(int64_t columns, int64_t rows, const double* d, int64_t d_leading, const double* l, int64_t l_leading,
                   const double* inverse, double* x, const double* t) {
-  for (int64_t j = columns - 1; j >= 0; --j) {
-    const double* column = l + j * l_leading;
-    Vector sum = broadcast(0);
-    for (int64_t i = 0; i < rows; i += 4) sum = sum + load(column + i) * load(t + i);
+  const auto sum_of = [](Vector v) {
     double part[4];
-    store(part, sum);
-    double value = x[j] - ((part[0] + part[1]) + (part[2] + part[3]));
-    for (int64_t i = j + 1; i < columns; ++i) value -= d[i + j * d_leading] * x[i];
+    store(part, v);
+    return (part[0] + part[1]) + (part[2] + part[3]);
+  };
+  const auto finish = [&](int64_t j, double value) {
+    for (int64_t i = columns - 1; i > j; --i) value -= d[i + j * d_leading] * x[i];
     x[j] = value * inverse[j];
+  };
+  int64_t j = columns;
+  for (; j >= 4; j -= 4) {  // four columns at a time share the loads of t and hide each other's latency
+    Vector sum[4] = {broadcast(0), broadcast(0), broadcast(0), broadcast(0)};
+    const double* column = l + (j - 4) * l_leading;
+    for (int64_t i = 0; i < rows; i += 4) {
+      const Vector u = load(t + i);
+      for (int q = 0; q < 4; ++q) sum[q] = sum[q] + load(column + q * l_leading + i) * u;
+    }
+    for (int q = 3; q >= 0; --q) finish(j - 4 + q, x[j - 4 + q] - sum_of(sum[q]));
+  }
+  for (; j > 0; --j) {
+    Vector sum = broadcast(0);
+    const double* column = l + (j - 1) * l_leading;
+    for (int64_t i = 0; i < rows; i += 4) sum = sum + load(column + i) * load(t + i);
+    finish(j - 1, x[j - 1] - sum_of(sum));
   }
 }
 
