@@ -79,7 +79,7 @@ def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
         ("[split]\nheading_sigma = 0", ["heading_sigma", "above 0"]),
         ("loss = 3", ["loss", "int"]),
         ("[zzz]\na = 1", ["zzz", "known are"]),
-        ("method = ", ["not valid TOML", "line 1"]),
+        ("method = = 3", ["not valid TOML", "line 1"]),
     ],
 )
 def test_a_wrong_option_is_named_with_its_cure(tmp_path: Path, text: str, words: list[str]) -> None:

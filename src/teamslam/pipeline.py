@@ -26,15 +26,15 @@ DEFAULTS = Config()
 class Result:
     """A finished run: what went in, what came out, how long each stage took [s].
 
-    `map` is the first component: the one of the lowest robot. `report` is None where no truth is known. `submaps` is
-    empty for full least squares.
+    `map` is the first component: the one of the lowest robot; `covariances` has those of each. `report` is None where
+    no truth is known. `submaps` is empty for full least squares.
     """
 
     config: Config
     dataset: Dataset
     submaps: tuple[Submap, ...]
     joined: Joined
-    covariances: Covariances
+    covariances: tuple[Covariances, ...]
     report: Report | None
     seconds: dict[str, float]
 
@@ -66,9 +66,9 @@ def run(dataset: Dataset, config: Config = DEFAULTS, progress: Progress | None =
             clock.start("joining submaps")
             joined = ORDERS[config.join.order](submaps, options=config.solver)
     clock.start("covariances")
-    covariances = Covariances.of_map(joined.map)
+    covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     clock.start("score")
-    report = None if dataset.truth is None else score(joined.map, dataset.truth, covariances=covariances)
+    report = None if dataset.truth is None else score(joined.map, dataset.truth, covariances=covariances[0])
     return Result(config, dataset, submaps, joined, covariances, report, clock.stop())
 
 

@@ -46,7 +46,7 @@ def run(
         exact
             Join in rounds until the map is that of the full least squares, and report how far from it.
         loss
-            Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader of the format sets it.
+            Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader sets it.
         loss_scale
             Scale of the loss, in sigmas.
         config

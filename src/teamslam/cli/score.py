@@ -16,7 +16,7 @@ def score(map: Path, truth: Path, /) -> int:
     Parameters
     ----------
     map
-        A run folder, or a file of maps such as its map.npz.
+        A run folder, or a file or folder of submaps such as its maps.
     truth
         A log that holds the truth, or another run folder.
     """

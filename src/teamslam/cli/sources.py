@@ -11,8 +11,9 @@ def maps_in(path: Path) -> "tuple[Submap, ...]":
     """The maps in a run folder or in a file of maps."""
     from teamslam.io import read_submaps
     from teamslam.results import read_run
+    from teamslam.results.folder import is_run
 
-    return read_run(path).maps if path.is_dir() else tuple(read_submaps(path))
+    return read_run(path).maps if is_run(path) else tuple(read_submaps(path))
 
 
 def truth_in(path: Path) -> "Values":

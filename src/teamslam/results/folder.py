@@ -1,13 +1,17 @@
 """The run folder. It is written beside its place and moved there when it is whole: never half a result.
 
-map.npz            the maps, one for each component, with their information: teamslam.read_submaps opens it
-trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
-tum/ROBOT.tum      each robot's way, for evo and others
-figures/           the map with its ellipses and the truth, convergence, errors over time, consistency
-report.json        figures for scripts            config.toml     every option as used
-history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
+What is in it:
+
+    maps/              the maps, one for each component, as teamslam.read_submaps opens them
+    map.npz            the map of the first component as plain numpy arrays (see `archive`)
+    trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
+    tum/ROBOT.tum      each robot's way, for evo and others
+    figures/           the map with its ellipses and the truth, convergence, errors over time, consistency
+    report.json        figures for scripts            config.toml     every option as used
+    history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
 """
 
+import csv
 import json
 import shutil
 import tempfile
@@ -15,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -23,6 +28,7 @@ from teamslam.errors import InputError
 from teamslam.io import read_submaps, write_submaps, write_tum
 from teamslam.model import Layout, Values
 from teamslam.pipeline import Result
+from teamslam.results.archive import write_archive
 from teamslam.results.figures import figures_of
 from teamslam.results.record import Record
 from teamslam.results.tables import (
@@ -33,6 +39,7 @@ from teamslam.results.tables import (
     write_team,
     write_trajectories,
 )
+from teamslam.solver import Covariances
 
 FIGURE_FORMAT = "png"
 
@@ -52,7 +59,8 @@ def write_run(result: Result, folder: str | Path, *, replace: bool = False, figu
 
 def write_record(record: Record, config: Config, folder: Path, *, figures: bool = True) -> None:
     """All files of a run, into an existing folder."""
-    write_submaps(folder / "map.npz", record.maps)
+    write_submaps(record.maps, folder / "maps")
+    write_archive(record.maps[0], folder / "map.npz")
     write_trajectories(record, folder / "trajectories.csv")
     write_landmarks(record, folder / "landmarks.csv")
     write_team(record, folder / "team.csv")
@@ -70,17 +78,18 @@ def write_record(record: Record, config: Config, folder: Path, *, figures: bool 
 def read_run(folder: str | Path) -> Record:
     """The record in a run folder. Raises InputError naming the file that is missing or damaged."""
     folder = Path(folder)
-    for name in ("map.npz", "report.json", "history.csv", "log.npz"):
-        if not (folder / name).is_file():
+    for name in ("maps", "report.json", "history.csv", "log.npz"):
+        if not (folder / name).exists():
             raise InputError(
                 f"no {name} in it; expected a run folder as `teamslam run INPUT --out DIR` writes", path=folder
             )
     truth, sightings = _read_log(folder / "log.npz")
     try:
         history = read_history(folder / "history.csv")
-    except (ValueError, IndexError) as error:
+    except (ValueError, IndexError, csv.Error) as error:
         raise InputError(f"not a table of solver steps: {error}", path=folder / "history.csv") from None
-    return Record(tuple(read_submaps(folder / "map.npz")), truth, sightings, history, read_report(folder))
+    maps = tuple(read_submaps(folder / "maps"))
+    return Record(maps, tuple(map(Covariances.of_map, maps)), truth, sightings, history, read_report(folder))
 
 
 def read_report(folder: str | Path) -> dict[str, Any]:
@@ -97,7 +106,7 @@ def read_report(folder: str | Path) -> dict[str, Any]:
 
 def is_run(path: str | Path) -> bool:
     """True for a folder that holds a run."""
-    return (Path(path) / "report.json").is_file() and (Path(path) / "map.npz").is_file()
+    return (Path(path) / "report.json").is_file() and (Path(path) / "maps").is_dir()
 
 
 # --- whole or not at all --------------------------------------------------------------------------------------------
@@ -156,7 +165,7 @@ def _read_log(path: Path) -> tuple[Values | None, np.ndarray]:
             if not log["has_truth"]:
                 return None, sightings
             return Values(Layout(log["truth_keys"], log["truth_kinds"]), log["truth_state"]), sightings
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"not the log of a run: {error}", path=path) from None
 
 

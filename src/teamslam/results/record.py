@@ -5,7 +5,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ class Record:
     """A run as it is kept. `truth` is in the world's frame, `sightings` (n, 2) are pairs of pose keys."""
 
     maps: tuple[Submap, ...]
+    covariances: tuple[Covariances, ...]
     truth: Values | None
     sightings: IntArray
     history: tuple[Step, ...]
@@ -34,6 +34,7 @@ class Record:
         solution = components[0].solution
         return cls(
             maps=tuple(c.map for c in components),
+            covariances=result.covariances,
             truth=result.dataset.truth,
             sightings=robot_sightings(result.dataset),
             history=solution.history if solution else (),
@@ -50,11 +51,6 @@ class Record:
         """The objective of the last solve, before it and after each step that was taken."""
         taken = [step.cost for step in self.history if step.accepted]
         return [*taken, float(self.report["objective"])] if taken else []
-
-    @cached_property
-    def covariances(self) -> tuple[Covariances, ...]:
-        """The covariances of each map."""
-        return tuple(Covariances.of_map(m) for m in self.maps)
 
 
 def robot_sightings(dataset: Dataset) -> IntArray:

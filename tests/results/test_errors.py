@@ -1,0 +1,56 @@
+"""The truth is brought into the frame of the map, and errors are measured there."""
+
+import numpy as np
+import pytest
+
+from teamslam.geometry import Pose
+from teamslam.model import Values
+from teamslam.pipeline import Result
+from teamslam.results.errors import error_tracks, truth_at_base, truth_by_team
+from teamslam.solver import Covariances
+
+
+def moved(values: Values, dim: int) -> Values:
+    """The same things in some other frame."""
+    frame = [3.0, -2.0, 0.7] if dim == 2 else [3.0, -2.0, 1.0, 0.1, -0.2, 0.7]
+    return values.transform(Pose.from_tangent(np.array(frame), dim))
+
+
+@pytest.mark.parametrize("bring", [truth_at_base, truth_by_team])
+def test_a_truth_in_any_frame_comes_home(result: Result, bring) -> None:
+    """If the truth is the map written in another frame, it is the map again, and all errors vanish."""
+    submap = result.map
+    home = bring(submap, moved(submap.all_values, submap.base_dim))
+    np.testing.assert_allclose(home.minus(submap.all_values), 0.0, atol=1e-9)
+    tracks = error_tracks(submap, moved(submap.all_values, submap.base_dim), result.covariances[0])
+    assert len(tracks) == len(result.dataset.robots)
+    for track in tracks:
+        np.testing.assert_allclose(track.error, 0.0, atol=1e-9)
+        np.testing.assert_allclose(track.nees, 0.0, atol=1e-9)
+
+
+def test_errors_and_bands_are_those_of_the_map(result: Result) -> None:
+    """A known shift of the estimate is the error that is told, and sigma the root of the marginal's diagonal."""
+    submap = result.map
+    rng = np.random.default_rng(2)
+    delta = 0.01 * rng.standard_normal(submap.dof)
+    truth = submap.all_values.update(submap.values.retract(-delta))
+    covariances = Covariances.of_map(submap)
+    for track, robot in zip(error_tracks(submap, truth, covariances), sorted(result.dataset.robots), strict=True):
+        keys = submap.trajectory_keys(robot)
+        keys = keys[keys != submap.base]
+        expected = submap.values.only(keys).minus(truth.only(keys)).reshape(len(keys), -1)
+        np.testing.assert_allclose(track.error, expected, atol=1e-9)
+        for row, key in enumerate(keys.tolist()):
+            block = covariances.of(key)
+            np.testing.assert_allclose(track.sigma[row], np.sqrt(np.diag(block)), rtol=1e-9)
+            e = expected[row]
+            assert track.nees[row] == pytest.approx(e @ np.linalg.inv(block) @ e / len(e), rel=1e-6, abs=1e-12)
+
+
+def test_where_no_pose_is_known_there_is_no_track(result: Result) -> None:
+    """Truth of landmarks alone gives no errors along the way."""
+    truth = result.dataset.truth
+    assert truth is not None
+    marks = truth.only(result.dataset.landmark_keys)
+    assert error_tracks(result.map, marks, result.covariances[0]) == []
