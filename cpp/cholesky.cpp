@@ -95,19 +95,19 @@ int32_t Cholesky::run(const double* values, const double* damping, bool keep_las
     Numeric& numeric = *numeric_;
     Factorisation work(input, numeric.panel.get(), numeric.inverse.data(), numeric.lowest.data(),
                        numeric.handoff.get(), numeric.workspace[static_cast<size_t>(team.index())].get());
-    for (size_t k = next++; k < queue.size(); k = next++) {
-      const Task& task = s.task[queue[k]];
+    const auto factor_subtree = [&](const Task& task) {
       for (int32_t f = task.first; f < task.end; ++f) {
-        if (!work.factor_alone(f)) {
-          report(work.failed_scalar());
-          break;
-        }
+        if (work.factor_alone(f)) continue;
+        report(work.failed_scalar());
+        return;
       }
-    }
-    team.barrier();
-    if (first_failure.load() < s.scalars) return;
-    for (int32_t f : s.top) {
-      if (work.factor_together(f, team, failed)) continue;
+    };
+    for (size_t k = next++; k < queue.size(); k = next++) factor_subtree(s.task[queue[k]]);
+    for (const Step& step : s.top) {
+      for (int32_t k = step.late_start + team.index(); k < step.late_end; k += team.size()) factor_subtree(s.late[k]);
+      team.barrier();
+      if (first_failure.load() < s.scalars) return;
+      if (work.factor_together(step.front, team, failed)) continue;
       if (team.index() == 0) report(work.failed_scalar());
       return;
     }

@@ -66,8 +66,30 @@ class Inversion {
         }
       }
     }
-    for (int64_t j = 0; j < front.rows; ++j) {
-      for (int64_t i = j + 1; i < front.rows; ++i) z[j + i * leading] = z[i + j * leading];
+    constexpr int64_t square = 16;  // mirrored square by square, so that lines stay in cache
+    for (int64_t j0 = 0; j0 < front.rows; j0 += square) {
+      const int64_t j1 = std::min<int64_t>(front.rows, j0 + square);
+      for (int64_t i0 = j0; i0 < front.rows; i0 += square) {
+        const int64_t i1 = std::min<int64_t>(front.rows, i0 + square);
+        for (int64_t j = j0; j < j1; ++j) {
+          for (int64_t i = std::max(i0, j + 1); i < i1; ++i) z[j + i * leading] = z[i + j * leading];
+        }
+      }
+    }
+  }
+
+  // z = D^-T D^-1: the identity divided by D' and by D. D^-T is upper triangular and the result symmetric, so that rows
+  // r .. of the upper triangle need only the part of D from r on.
+  void invert_pivots(int64_t k, const double* d, int64_t leading, const double* reciprocal, double* z) const {
+    constexpr int64_t strip = 64;
+    for (int64_t j = 0; j < k; ++j) z[j * (leading + 1)] = 1;
+    for (int64_t r = 0; r < k; r += strip) {
+      const int64_t at = r * (leading + 1), rows = std::min(strip, leading - r);
+      dense_.divide_transposed(rows, k - r, d + at, leading, reciprocal + r, z + at, leading);
+      dense_.divide(rows, k - r, d + at, leading, reciprocal + r, z + at, leading);
+      for (int64_t j = r + strip; j < k; ++j) {
+        for (int64_t i = r; i < r + strip; ++i) z[j + i * leading] = z[i + j * leading];
+      }
     }
   }
 
@@ -82,11 +104,8 @@ class Inversion {
     z.below = z.pivots + front.panel_size();
     const double* d = panel_ + front.panel;
     const double* reciprocal = inverse_ + front.first_scalar;
-    // W = D^-T D^-1, from the identity divided twice: W D' = D^-T... first X = D^-T (X D' = I), then X D^-1.
     std::memset(z.pivots, 0, sizeof(double) * static_cast<size_t>(front.panel_size()));
-    for (int64_t j = 0; j < k; ++j) z.pivots[j * (kp + 1)] = 1;
-    dense_.divide_transposed(kp, k, d, kp, reciprocal, z.pivots, kp);
-    dense_.divide(kp, k, d, kp, reciprocal, z.pivots, kp);
+    invert_pivots(k, d, kp, reciprocal, z.pivots);
     if (m == 0) return;
     gather(front, z.below);
     y_.assign(d + front.below(), d + front.panel_size());

@@ -159,7 +159,7 @@ Elimination eliminate_symbolically(const Graph& graph, const std::vector<int32_t
 size_t Symbolic::bytes() const {
   const auto size = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   return size(order) + size(position) + size(natural_scalar) + size(front) + size(child) + size(row_scalar) +
-         size(scatter) + size(run) + size(task) + size(top) + size(dof) + size(scalar_start);
+         size(scatter) + size(run) + size(task) + size(late) + size(top) + size(dof) + size(scalar_start);
 }
 
 }  // namespace teamslam

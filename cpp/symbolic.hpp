@@ -70,6 +70,12 @@ struct Task {
   double work;
 };
 
+// A front above all tasks and the late subtrees that it waits for.
+struct Step {
+  int32_t front;
+  int32_t late_start, late_end;
+};
+
 struct Symbolic {
   std::vector<int32_t> order, position;
   std::vector<int64_t> natural_scalar;  // of each elimination-order scalar: its natural one
@@ -78,15 +84,16 @@ struct Symbolic {
   std::vector<int32_t> row_scalar;
   std::vector<Scatter> scatter;
   std::vector<Run> run;
-  std::vector<Task> task;    // disjoint subtrees, in rising order
-  std::vector<int32_t> top;  // fronts above the tasks, in postorder
+  std::vector<Task> task;  // disjoint subtrees, in rising order
+  std::vector<Task> late;  // small subtrees that hang on the fronts above the tasks, done just before their parent
+  std::vector<Step> top;   // fronts above the tasks, in postorder
   std::vector<int32_t> dof;  // by variable
   std::vector<int64_t> scalar_start;  // by variable, natural
   int64_t panel_total = 0;
   int64_t scalars = 0;
   int64_t last_scalars = 0;
   // Update matrices live on stacks: 0 and 1 in a worker's own memory (fronts of even and odd depth, so that a front and
-  // its children never share one), 2 holds the results of tasks, 3 and 4 are as 0 and 1 for the fronts above the tasks.
+  // its children never share one), 2 holds the results of tasks, 3 and 4 are as 0 and 1 for the fronts above the tasks and the results of late subtrees.
   int64_t stack_size[5] = {0, 0, 0, 0, 0};
   int32_t largest_front = 0;  // columns + rows
   double nonzeros = 0, flops = 0;

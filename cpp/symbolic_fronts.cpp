@@ -353,12 +353,21 @@ void cut_tasks(Symbolic& s) {
     if (count > 0) s.task.push_back({0, count, total});
     return;
   }
+  // Where a long chain of fronts carries many small branches, the results of all branches together would take more
+  // memory than the factor. Such branches wait until their parent's turn.
+  const double crumb = grain / 8;
+  std::vector<std::vector<Task>> late(s.front.size());
   for (int32_t f = 0; f < count; ++f) {
     const int32_t parent = s.front[f].parent;
+    const Task task{first[f], f + 1, work[f]};
     if (work[f] > grain) {
-      s.top.push_back(f);
-    } else if (parent == none || work[parent] > grain) {
-      s.task.push_back({first[f], f + 1, work[f]});
+      const auto start = static_cast<int32_t>(s.late.size());
+      s.late.insert(s.late.end(), late[f].begin(), late[f].end());
+      s.top.push_back({f, start, static_cast<int32_t>(s.late.size())});
+    } else if (parent == none || (work[parent] > grain && work[f] > crumb)) {
+      s.task.push_back(task);
+    } else if (work[parent] > grain) {
+      late[parent].push_back(task);
     }
   }
 }
@@ -377,10 +386,15 @@ void lay_out_stacks(Symbolic& s) {
     height[stack] += front.update_size();
     s.stack_size[stack] = std::max(s.stack_size[stack], height[stack]);
   };
-  for (const Task& task : s.task) {
-    for (int32_t f = task.first; f < task.end; ++f) place(f, f == task.end - 1 ? 2 : s.front[f].depth & 1);
+  const auto place_task = [&](const Task& task, int32_t result) {
+    for (int32_t f = task.first; f < task.end; ++f) place(f, f == task.end - 1 ? result : s.front[f].depth & 1);
+  };
+  for (const Task& task : s.task) place_task(task, 2);
+  for (const Step& step : s.top) {
+    const int32_t stack = 3 + (s.front[step.front].depth & 1);
+    for (int32_t k = step.late_start; k < step.late_end; ++k) place_task(s.late[k], 7 - stack);
+    place(step.front, stack);
   }
-  for (int32_t f : s.top) place(f, 3 + (s.front[f].depth & 1));
 }
 
 }  // namespace
