@@ -16,7 +16,7 @@ import numpy as np
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.start import WHOLE, dead_reckoning, place_targets
-from teamslam.model import Dataset, Sources, Submap, Table, index_of, is_pose, robot_of
+from teamslam.model import Dataset, Layout, Sources, Submap, Table, index_of, is_pose, robot_of
 from teamslam.solver import Options, Solution, Step, System, optimise
 from teamslam.solver.optimise import DEFAULTS
 
@@ -50,7 +50,7 @@ def build_with_solution(
     robot = _the_robot(piece)
     poses = dead_reckoning(piece, robot)
     inside, raw = gaussian_part(piece.tables, robot, poses.layout.keys)
-    start = place_targets(poses, inside, piece.layout)
+    start = place_targets(poses, inside, _local_kinds(piece.layout, piece.robots[robot]))
     base = int(poses.layout.keys[0])
     system = System(start.layout, tables=inside, fixed=np.array([base]), names=piece.names)
     solution = optimise(system, start, options, progress)
@@ -71,6 +71,11 @@ def build_with_solution(
         rows=solution.rows,
     )
     return submap, solution
+
+
+def _local_kinds(layout: Layout, dim: int) -> Layout:
+    """The kinds of variables in a robot's own frame: seen from space, a robot on the ground is a pose in space."""
+    return Layout.of(layout.keys, layout.kinds | 1 if dim == 3 else layout.kinds)
 
 
 def _not_converged(solution: Solution) -> str:

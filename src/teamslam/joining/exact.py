@@ -190,9 +190,6 @@ class _Team:
             sent += 8 * sum(r.numbers for r in reduced) + 8 * sum(len(p.separators.state) for p in self.parts)
             step, decrease = self._step(reduced)
             decrement = float(np.sqrt(max(decrease, 0.0)))
-            if decrease <= gap * cost:
-                status = Status.CONVERGED
-                break
             share, taken = 1.0, None
             while share > 1e-4:
                 candidate = self._retract(share * step)
@@ -200,7 +197,7 @@ class _Team:
                 after = self._raw_cost(candidate) + sum(
                     part.system.cost(values) for part, values in zip(self.parts, moved, strict=True)
                 )
-                if np.isfinite(after) and after < cost + 1e-12 * cost:
+                if np.isfinite(after) and after <= cost + 1e-12 * max(cost, 1.0):
                     taken = (candidate, moved)
                     break
                 share *= 0.5
@@ -215,6 +212,9 @@ class _Team:
             self.values = taken[0]
             for part, values in zip(self.parts, taken[1], strict=True):
                 part.values = values
+            if decrease <= gap * cost:
+                status = Status.CONVERGED  # and the last step, already known, is taken
+                break
             reduced = [part.reduce() for part in self.parts]
             cost = sum(r.cost for r in reduced) + self._raw_cost(self.values)
         return self._finish(component, status, history, sent)
@@ -223,7 +223,7 @@ class _Team:
 
     def _local(self, values: Values) -> list[Values]:
         """Every part's separators, seen from its base."""
-        return [values.only(part.kept.keys).transform(values.pose(part.submap.base).inverse()) for part in self.parts]
+        return [values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts]
 
     def _step(self, reduced: Sequence[Reduced]) -> tuple[Array, float]:
         terms = [
@@ -263,8 +263,8 @@ class _Team:
             terms.append(SubmapTerm(part.submap.base, local, at.hessian.to_csr(), at.gradient))
             slopes_cost += at.cost
             chi2 += part.system.chi2(part.values)
-            frame = self.values.pose(part.submap.base)
-            values = local.transform(frame).update(values)
+            interior = local.select(~self.values.layout.contains(local.layout.keys))
+            values = values.update(interior.transform(self.values.pose(part.submap.base)))
         system = System(values.layout, tables=self.raw, submaps=terms, fixed=self.fixed, names=self.map.names)
         at = system.linearise(values)
         factor = Factor(system.free, system.pattern, names=self.map.names)

@@ -285,6 +285,22 @@ class Values:
             self.layout, np.concatenate([pack(move(k, x)).ravel() for k, _, x in self.parts()] or [np.zeros(0)])
         )
 
+    def seen_from(self, frame: Pose, layout: Layout) -> "Values":
+        """The variables of `layout` as seen from a frame, of the kinds that it states (planar ones lifted where it
+        says so).
+
+        The observation function h of a submap (paper, eqs. 12-14): X -> frame^-1 X, p -> R'(p - T).
+        """
+        state = []
+        for kind in Kind:
+            keys = layout.keys_of(kind)
+            eye = frame.lift(kind.dim) if len(keys) else frame
+            if len(keys) and kind.is_pose:
+                state.append(pack(eye.between(self.poses_of(keys, kind.dim))))
+            elif len(keys):
+                state.append(eye.unact(self.positions(keys, kind.dim)))
+        return Values(layout, np.concatenate([part.ravel() for part in state] or [np.zeros(0)]))
+
     def select(self, mask: BoolArray) -> "Values":
         """The variables where mask (n,) is true."""
         places = np.flatnonzero(mask)

@@ -245,7 +245,8 @@ def optimise(
         return _solution(system, values, at, Status.EMPTY, 0.0, history)
     if factor is None:
         factor = Factor(system.free, system.pattern, positions=start.positions(system.free.keys, 3), names=system.names)
-    status, decrement = Status.MAX_ITERATIONS, np.inf
+    status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
+    floor = 10.0 * system.rounding(start)
     while len(history) < options.max_iterations:
         delta, predicted, full_step = rule.propose(factor, at)
         decrement = float(np.sqrt(max(predicted, 0.0))) if full_step else np.nan
@@ -255,13 +256,19 @@ def optimise(
         actual = at.cost - after.cost
         if small:
             # The last step is far below what matters; it is taken unless rounding makes it worse than it is worth.
-            taken = np.isfinite(after.cost) and actual >= -1e-9 * max(at.cost, 1e-300)
+            taken = np.isfinite(after.cost) and actual >= -1e-9 * at.cost - floor * np.sqrt(at.cost + 1.0)
             largest = float(np.abs(delta).max())
             history.append(Step(at.cost, decrement, largest, rule.damping, bool(taken), _since(began)))
             values, at = (candidate, after) if taken else (values, at)
             status = Status.CONVERGED
             break
         gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
+        if full_step and predicted <= floor * np.sqrt(at.cost + 1.0):
+            # Too small a decrease to be seen in the cost: the full step is trusted while the decrement still falls.
+            if not decrement < 0.5 * best:
+                status = Status.FLAT
+                break
+            best, gain = decrement, 1.0
         try:
             accepted = rule.hear(gain)
         except StopIteration:

@@ -110,6 +110,12 @@ class System:
             return np.asarray(self._problem.residuals(values.state, handle))
         return self.tables[table].whitened(values)
 
+    def rounding(self, values: Values) -> float:
+        """How large the rounding error of one whitened residual can be at `values`, in sigmas."""
+        sharpest = [float(np.abs(t.whitening).max(initial=0.0)) for t in self.tables]
+        sharpest += [float(np.sqrt(np.abs(s.information.data).max(initial=0.0))) for s in self.submaps]
+        return float(np.finfo(float).eps) * max(sharpest, default=0.0) * float(np.abs(values.state).max(initial=1.0))
+
     @property
     def rows(self) -> int:
         """Numbers measured in all."""

@@ -1,0 +1,147 @@
+"""The optimum against SciPy's least squares; every step rule reaches it; failures say what is wrong."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from teamslam.errors import InputError, SolveError
+from teamslam.model import Dataset, Loss, Values
+from teamslam.solver import RULES, Covariances, Options, Status, System, optimise
+from worlds import WORLDS, team
+
+
+def problem(world: str, **options: float) -> tuple[Dataset, System, Values]:
+    dataset = team(world, robots=2, poses=5, landmarks=4, **options)  # type: ignore[arg-type]
+    assert dataset.truth is not None
+    start = dataset.truth.only(dataset.layout.keys)
+    return dataset, System(start.layout, tables=dataset.tables, fixed=dataset.pose_keys[1][:1]), start
+
+
+def scipy_optimum(system: System, start: Values) -> tuple[float, Values]:
+    """The least cost that SciPy finds over the same residuals."""
+
+    def residual(delta: np.ndarray) -> np.ndarray:
+        values = system.retract(start, delta)
+        return np.concatenate([t.whitened(values).ravel() for t in system.tables])
+
+    found = least_squares(residual, np.zeros(system.free.dof), xtol=1e-15, ftol=1e-15, gtol=1e-13, x_scale="jac")
+    return 2.0 * float(found.cost), system.retract(start, found.x)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("rule", RULES)
+def test_every_rule_reaches_the_optimum(world: str, rule: str) -> None:
+    _, system, start = problem(world, sigma=0.1)
+    solution = optimise(system, start, Options(rule=rule, decrement=1e-9))
+    least, where = scipy_optimum(system, start)
+    assert solution.converged
+    assert solution.cost == pytest.approx(least, rel=1e-9)
+    np.testing.assert_allclose(solution.values.minus(where), 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("rule", ["levenberg_marquardt", "dogleg"])
+def test_a_bad_start_is_survived(rule: str) -> None:
+    dataset, system, start = problem("planar")
+    wild = system.retract(start, np.random.default_rng(5).normal(0.0, 0.6, system.free.dof))
+    best = optimise(system, start)
+    solution = optimise(system, wild, Options(rule=rule))
+    assert solution.converged
+    assert solution.cost == pytest.approx(best.cost, rel=1e-9)
+    costs = [step.cost for step in solution.history if step.accepted]
+    assert all(b <= a * (1 + 1e-9) for a, b in itertools.pairwise(costs))
+    assert dataset.dof == solution.rows
+
+
+def test_the_information_is_that_of_the_estimate() -> None:
+    _, system, start = problem("planar")
+    solution = optimise(system, start)
+    again = system.linearise(solution.values)
+    np.testing.assert_array_equal(solution.information.toarray(), again.hessian.to_csr().toarray())
+    assert solution.dof == solution.rows - system.free.dof
+    assert solution.chi2 == pytest.approx(solution.cost)
+
+
+def test_robust_chi2_counts_squares_whatever_the_loss() -> None:
+    dataset, _, start = problem("planar", sigma=0.2)
+    robust = dataset.with_loss(Loss("cauchy", 1.0))
+    system = System(start.layout, tables=robust.tables, fixed=dataset.pose_keys[1][:1])
+    solution = optimise(system, start)
+    expected = sum(float(np.sum(t.whitened(solution.values) ** 2)) for t in robust.tables)
+    assert solution.chi2 == pytest.approx(expected, rel=1e-9)
+    assert solution.cost < solution.chi2
+
+
+def test_an_unseen_variable_is_named() -> None:
+    dataset = team("2d", robots=1, poses=4, landmarks=2)
+    tables = [t for t in dataset.tables if t.source == "odometry"]
+    assert dataset.truth is not None
+    start = dataset.truth.only(dataset.layout.keys)
+    system = System(start.layout, tables=tables, fixed=dataset.pose_keys[1][:1], names=dataset.names)
+    with pytest.raises(SolveError, match="landmark 0 is not determined"):
+        optimise(system, start)
+
+
+def test_everything_fixed_is_said() -> None:
+    dataset, _, start = problem("2d")
+    system = System(start.layout, tables=dataset.tables, fixed=start.layout.keys)
+    assert optimise(system, start).status is Status.EMPTY
+
+
+def test_the_limit_of_iterations_is_not_success() -> None:
+    _, system, start = problem("planar", sigma=0.3)
+    wild = system.retract(start, np.random.default_rng(5).normal(0.0, 0.5, system.free.dof))
+    solution = optimise(system, wild, Options(max_iterations=1))
+    assert solution.status is Status.MAX_ITERATIONS
+    assert not solution.converged
+
+
+@pytest.mark.parametrize("bad", [{"rule": "newton"}, {"max_iterations": 0}, {"decrement": 0.0}])
+def test_options_are_checked(bad: dict[str, object]) -> None:
+    with pytest.raises(InputError):
+        Options(**bad)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_covariances_are_the_dense_inverse(world: str) -> None:
+    _, system, start = problem(world)
+    solution = optimise(system, start)
+    covariances = Covariances(system.free, solution.information)
+    dense = np.linalg.inv(solution.information.toarray())
+    keys = system.free.keys
+    for key in keys:
+        at = system.free.unknowns(np.array([key]))
+        np.testing.assert_allclose(covariances.of(int(key)), dense[np.ix_(at, at)], rtol=1e-8, atol=1e-14)
+    pair = keys[[0, -1]]
+    at = system.free.unknowns(pair)
+    np.testing.assert_allclose(covariances.joint(pair), dense[np.ix_(at, at)], rtol=1e-8, atol=1e-14)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_relative_covariance_is_propagated(world: str) -> None:
+    """cov(f) = J joint J' with J of the relative thing by differences: an independent derivative."""
+    dataset, system, start = problem(world)
+    solution = optimise(system, start)
+    covariances = Covariances(system.free, solution.information)
+    observer = int(dataset.pose_keys[1][2])
+    for target in (int(dataset.pose_keys[2][3]), int(dataset.landmark_keys[1])):
+        joint = covariances.joint(np.array([observer, target]))
+        at = system.free.unknowns(np.array([observer, target]))
+        columns = []
+        for unknown in at:
+            step = np.zeros(system.free.dof)
+            step[unknown] = 1e-6
+            ahead, behind = (seen(system.retract(solution.values, s), observer, target) for s in (step, -step))
+            columns.append((ahead[0].minus(behind[0]) if target >> 51 else ahead[1] - behind[1]) / 2e-6)
+        j = np.stack(columns, -1)
+        found = covariances.relative(solution.values, observer, target)
+        np.testing.assert_allclose(found, j @ joint @ j.T, rtol=1e-5, atol=1e-12)
+
+
+def seen(values: Values, observer: int, target: int):  # type: ignore[no-untyped-def]
+    pose = values.pose(observer)
+    if target >> 51:
+        return pose.between(values.pose(target)), None
+    dim = 2 if pose.dim == 2 and values.layout.kinds[values.layout.index(target)] == 2 else 3
+    return None, pose.lift(dim).unact(values.positions(np.array([target]), dim)[0])
