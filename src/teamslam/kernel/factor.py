@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from teamslam.errors import ModelError, SolveError
-from teamslam.kernel.library import Floats, address, checked, floats, integers, library
+from teamslam.kernel.library import Floats, checked, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
 ORDERINGS = ("automatic", "minimum_degree", "nested_dissection", "geometric", "natural")
@@ -62,14 +62,15 @@ class Factor:
         kept = np.zeros(0, np.int64) if last is None else integers("last", last, (None,))
         if len(kept) and (kept.min() < 0 or kept.max() >= n or len(np.unique(kept)) < len(kept)):
             raise ModelError(f"last: expected different variables from 0 to {n - 1}")
+        last_held = kept.astype(np.int32)  # named: an address does not keep its array alive
         pointer = library.factor_new(
             n,
-            address(pattern.dofs),
-            address(pattern.column_start),
-            address(pattern.row),
+            pattern.dofs,
+            pattern.column_start,
+            pattern.row,
             ORDERINGS.index(ordering),
-            address(places),
-            address(kept.astype(np.int32)),
+            places,
+            kept.astype(np.int32),
             len(kept),
         )
         if not pointer:
@@ -87,7 +88,7 @@ class Factor:
         a, d = self._matrix(values, damping)
         with self._lock:
             self._holds = "nothing"
-            checked(library.factorise(self._pointer, address(a), address(d), address(self._pivot)))
+            checked(library.factorise(self._pointer, a, d, self._pivot))
             self._check_pivot()
             self._holds = "factor"
 
@@ -95,14 +96,14 @@ class Factor:
         """x with A x = rhs, for rhs (scalars,) or (scalars, k)."""
         x, columns = self._columns(rhs)
         with self._held("factor"):
-            checked(library.solve(self._pointer, address(x), columns))
+            checked(library.solve(self._pointer, x, columns))
         return _as_given(x)
 
     def solve_lower(self, rhs: ArrayLike) -> Floats:
         """L^-1 P rhs, in elimination order: with rhs = J', its X'X is J A^-1 J'."""
         x, columns = self._columns(rhs)
         with self._held("factor"):
-            checked(library.solve_lower(self._pointer, address(x), columns))
+            checked(library.solve_lower(self._pointer, x, columns))
         return _as_given(x)
 
     def log_determinant(self) -> float:
@@ -114,7 +115,7 @@ class Factor:
         """The entries of A^-1 where A has entries, in the layout of its values."""
         out = np.empty(self.pattern.size)
         with self._held("factor"):
-            checked(library.inverse_on_pattern(self._pointer, address(out)))
+            checked(library.inverse_on_pattern(self._pointer, out))
         return out
 
     def diagonal_inverse(self) -> list[Floats]:
@@ -123,7 +124,7 @@ class Factor:
         starts = np.concatenate([[0], np.cumsum(dofs * dofs)])
         flat = np.empty(int(starts[-1]))
         with self._held("factor"):
-            checked(library.diagonal_inverse(self._pointer, address(flat)))
+            checked(library.diagonal_inverse(self._pointer, flat))
         blocks: list[Floats] = [flat] * len(dofs)
         for d in np.unique(dofs):
             where = np.flatnonzero(dofs == d)
@@ -152,12 +153,12 @@ class Factor:
             checked(
                 library.eliminate(
                     self._pointer,
-                    address(a),
-                    address(d),
-                    address(complement),
-                    address(b),
-                    address(reduced),
-                    address(self._pivot),
+                    a,
+                    d,
+                    complement,
+                    b,
+                    reduced,
+                    self._pivot,
                 )
             )
             self._check_pivot()
@@ -169,21 +170,21 @@ class Factor:
         known = floats("last_solution", last_solution, (self._last_size,))
         x = floats("rhs", rhs, (self.pattern.scalars,)).copy()
         with self._held("complement"):
-            checked(library.back_substitute(self._pointer, address(known), address(x)))
+            checked(library.back_substitute(self._pointer, known, x))
         return x
 
     @property
     def order(self) -> NDArray[np.int32]:
         """The variable at each position of the elimination."""
         out = np.empty(len(self.pattern.dofs), np.int32)
-        library.order(self._pointer, len(out), address(out))
+        library.order(self._pointer, len(out), out)
         return out
 
     @property
     def statistics(self) -> Statistics:
         """The factor in numbers."""
         numbers = np.empty(4)
-        library.statistics(self._pointer, address(numbers))
+        library.statistics(self._pointer, numbers)
         return Statistics(int(numbers[0]), float(numbers[1]), int(numbers[2]), ORDERINGS[int(numbers[3])])
 
     # --- inside ---------------------------------------------------------------------------------------------------

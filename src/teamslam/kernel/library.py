@@ -14,38 +14,48 @@ from teamslam.errors import ModelError, TeamslamError
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-P, I, L, D = c_void_p, c_int32, c_int64, c_double
+
+class Numbers:
+    """An argument that is a contiguous array, or None. The call itself keeps the array alive."""
+
+    @classmethod
+    def from_param(cls, array: NDArray[Any] | None) -> c_void_p | None:
+        return None if array is None else c_void_p(array.__array_interface__["data"][0])
+
+
+# P: a problem or factor, A: an array, I and L: integers, D: a number.
+P, A, I, L, D = c_void_p, Numbers, c_int32, c_int64, c_double
 
 # What each function returns and takes, in the order of cpp/api.h.
 SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "error": (c_char_p, []),
     "set_threads": (None, [I]),
-    "model_shape": (None, [I, I, P]),
-    "problem_new": (P, [L, P, P]),
+    "model_shape": (None, [I, I, A]),
+    "problem_new": (P, [L, A, A]),
     "problem_free": (None, [P]),
-    "add_table": (L, [P, I, I, L, P, P, P, I, P, I, D]),
-    "add_submap": (L, [P, L, L, P, P, P, P, P, P, P]),
-    "add_blocks": (L, [P, L, L, P, L]),
-    "set_weights": (I, [P, L, P]),
-    "set_submap": (I, [P, L, P, P, P]),
-    "freeze": (I, [P, P]),
-    "pattern": (None, [P, P, P, P]),
-    "linearise": (I, [P, P, L, P, P, P, P, P]),
-    "cost": (I, [P, P, P]),
-    "residuals": (I, [P, L, P, P]),
-    "retract": (I, [P, P, P, P]),
-    "factor_new": (P, [L, P, P, P, I, P, P, I]),
+    "add_table": (L, [P, I, I, L, A, A, A, I, A, I, D]),
+    "add_submap": (L, [P, L, L, A, A, A, A, A, A, A]),
+    "add_blocks": (L, [P, L, L, A, L]),
+    "set_weights": (I, [P, L, A]),
+    "set_submap": (I, [P, L, A, A, A]),
+    "freeze": (I, [P, A]),
+    "pattern": (None, [P, A, A, A]),
+    "linearise": (I, [P, A, L, A, A, A, A, A]),
+    "cost": (I, [P, A, A]),
+    "residuals": (I, [P, L, A, A]),
+    "retract": (I, [P, A, A, A]),
+    "factor_new": (P, [L, A, A, A, I, A, A, I]),
     "factor_free": (None, [P]),
-    "factorise": (I, [P, P, P, P]),
-    "solve": (I, [P, P, L]),
-    "solve_lower": (I, [P, P, L]),
+    "factorise": (I, [P, A, A, A]),
+    "solve": (I, [P, A, L]),
+    "solve_lower": (I, [P, A, L]),
     "log_determinant": (D, [P]),
-    "inverse_on_pattern": (I, [P, P]),
-    "diagonal_inverse": (I, [P, P]),
-    "eliminate": (I, [P, P, P, P, P, P, P]),
-    "back_substitute": (I, [P, P, P]),
-    "order": (None, [P, L, P]),
-    "statistics": (None, [P, P]),
+    "inverse_on_pattern": (I, [P, A]),
+    "diagonal_inverse": (I, [P, A]),
+    "eliminate": (I, [P, A, A, A, A, A, A]),
+    "back_substitute": (I, [P, A, A]),
+    "order": (None, [P, L, A]),
+    "statistics": (None, [P, A]),
 }
 
 
@@ -111,11 +121,6 @@ def checked(result: int) -> int:
     if result < 0:
         raise ModelError(library.error().decode())
     return result
-
-
-def address(array: NDArray[Any] | None) -> int | None:
-    """Where the numbers of a contiguous array begin."""
-    return None if array is None else int(array.__array_interface__["data"][0])
 
 
 def floats(name: str, given: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from teamslam.errors import ModelError
-from teamslam.kernel.library import Floats, Integers, address, checked, floats, integers, library
+from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
 # Names in the order of the kernel's numbers (cpp/models.hpp, cpp/losses.hpp).
@@ -40,7 +40,8 @@ class Problem:
         if n and (self._kinds.min() < 0 or self._kinds.max() > 3):
             raise ModelError("kinds: expected 0 pose2, 1 pose3, 2 point2 or 3 point3")
         held_bytes = np.ascontiguousarray(held, np.uint8)
-        pointer = library.problem_new(n, address(self._kinds.astype(np.int32)), address(held_bytes))
+        kinds_held = self._kinds.astype(np.int32)  # named: an address does not keep its array alive
+        pointer = library.problem_new(n, kinds_held, held_bytes)
         if not pointer:
             raise ModelError(library.error().decode())
         self._pointer: int = pointer
@@ -53,8 +54,7 @@ class Problem:
         self._pattern: BlockPattern | None = None
         self._system = 0
         self._one = np.empty(1)
-        self._one_address = address(self._one)
-
+        
     # --- adding ---------------------------------------------------------------------------------------------------
 
     def add_table(
@@ -92,11 +92,11 @@ class Problem:
                 which,
                 dimension,
                 m,
-                address(pairs),
-                address(measured),
-                address(white),
+                pairs,
+                measured,
+                white,
                 len(white) == 1,
-                address(mount),
+                mount,
                 _place(loss, LOSSES, "loss"),
                 float(scale),
             )
@@ -109,7 +109,7 @@ class Problem:
         m, _ = self._known(self._tables, handle, "table")
         given = None if weights is None else floats("weights", weights, (m,))
         with self._lock:
-            checked(library.set_weights(self._pointer, handle, address(given)))
+            checked(library.set_weights(self._pointer, handle, given))
 
     def add_submap(
         self,
@@ -136,18 +136,19 @@ class Problem:
             raise ModelError("submap pattern: its unknowns are not those of the kinds of the members")
         sizes = (int(NUMBERS[own_kinds].sum()), pattern.size, pattern.scalars)
         estimate, information, slope = _submap_arrays(sizes, state, values, eta)
+        kinds_held = own_kinds.astype(np.int32)  # named: an address does not keep its array alive
         handle = checked(
             library.add_submap(
                 self._pointer,
                 int(base),
                 n,
-                address(names),
-                address(own_kinds.astype(np.int32)),
-                address(estimate),
-                address(pattern.column_start),
-                address(pattern.row),
-                address(information),
-                address(slope),
+                names,
+                own_kinds.astype(np.int32),
+                estimate,
+                pattern.column_start,
+                pattern.row,
+                information,
+                slope,
             )
         )
         self._submaps[handle] = sizes
@@ -158,14 +159,14 @@ class Problem:
         sizes = self._known(self._submaps, handle, "submap")
         estimate, information, slope = _submap_arrays(sizes, state, values, eta)
         with self._lock:
-            checked(library.set_submap(self._pointer, handle, address(estimate), address(information), address(slope)))
+            checked(library.set_submap(self._pointer, handle, estimate, information, slope))
 
     def add_blocks(self, index: ArrayLike, rows: int) -> int:
         """Measurements linearised by the caller: index (m, k) names variables of the same kinds in every row, each row
         with `rows` residuals. `linearise` then wants (e, J, cost) under the handle returned."""
         names = integers("blocks index", index, (None, None))
         m, keys = names.shape
-        handle = checked(library.add_blocks(self._pointer, m, keys, address(names), int(rows)))
+        handle = checked(library.add_blocks(self._pointer, m, keys, names, int(rows)))
         self._blocks[handle] = (m, int(rows), int(DOFS[self._kinds[names[0]]].sum()))
         return handle
 
@@ -192,13 +193,13 @@ class Problem:
             checked(
                 library.linearise(
                     self._pointer,
-                    address(x),
+                    x,
                     len(handles),
-                    address(handles),
-                    address(_addresses(errors)),
-                    address(_addresses(jacobians)),
-                    address(system),
-                    self._one_address,
+                    handles,
+                    _addresses(errors),
+                    _addresses(jacobians),
+                    system,
+                    self._one,
                 )
             )
             cost = float(self._one[0])
@@ -209,7 +210,7 @@ class Problem:
         """The cost at `state` of all terms but the blocks of `add_blocks`."""
         x = self._state(state)
         with self._lock:
-            checked(library.cost(self._pointer, address(x), self._one_address))
+            checked(library.cost(self._pointer, x, self._one))
             return float(self._one[0])
 
     def residuals(self, state: ArrayLike, handle: int) -> Floats:
@@ -217,7 +218,7 @@ class Problem:
         out = np.empty(self._known(self._tables, handle, "table"))
         x = self._state(state)
         with self._lock:
-            checked(library.residuals(self._pointer, handle, address(x), address(out)))
+            checked(library.residuals(self._pointer, handle, x, out))
         return out
 
     def retract(self, state: ArrayLike, delta: ArrayLike) -> Floats:
@@ -225,7 +226,7 @@ class Problem:
         x = self._state(state)
         step = floats("delta", delta, (self.pattern.scalars,))
         out = np.empty_like(x)
-        checked(library.retract(self._pointer, address(x), address(step), address(out)))
+        checked(library.retract(self._pointer, x, step, out))
         return out
 
     # --- inside ---------------------------------------------------------------------------------------------------
@@ -243,10 +244,10 @@ class Problem:
     def _freeze(self) -> BlockPattern:
         sizes = np.empty(3, np.int64)
         with self._lock:
-            checked(library.freeze(self._pointer, address(sizes)))
+            checked(library.freeze(self._pointer, sizes))
         n, blocks, self._system = (int(size) for size in sizes)
         dofs, column_start, row = np.empty(n, np.int32), np.empty(n + 1, np.int64), np.empty(blocks, np.int32)
-        library.pattern(self._pointer, address(dofs), address(column_start), address(row))
+        library.pattern(self._pointer, dofs, column_start, row)
         return BlockPattern(dofs, column_start, row)
 
     def _user_blocks(self, given: Blocks) -> tuple[Integers, list[Floats], list[Floats], float]:
@@ -267,7 +268,7 @@ class Problem:
 @cache
 def _model_shape(model: int, dimension: int) -> tuple[int, int, int]:
     shape = np.empty(3, np.int32)
-    library.model_shape(model, dimension, address(shape))
+    library.model_shape(model, dimension, shape)
     return int(shape[0]), int(shape[1]), int(shape[2])
 
 
