@@ -1,4 +1,4 @@
-"""Small teams with known truth, for tests of the solver and of joining: exact measurements plus exactly Gaussian noise."""
+"""Small teams with known truth, for tests of the solver and of joining: exact measurements plus Gaussian noise."""
 
 from dataclasses import replace
 

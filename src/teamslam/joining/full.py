@@ -65,7 +65,7 @@ def _full(
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:
     """The rows whose variables are all among the values."""
     for table in tables:
-        there = values.layout.contains(table.keys).all(1)
+        there = np.asarray(values.layout.contains(table.keys).all(1))
         if there.any():
             yield table.select(there)
 

@@ -145,7 +145,7 @@ def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list
     """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap."""
     usable, waiting = [], []
     for table in raw:
-        ready = layout.contains(table.keys).all(axis=1)
+        ready = np.asarray(layout.contains(table.keys).all(1))
         usable += [table.select(ready)] if ready.any() else []
         waiting += [table.select(~ready)] if not ready.all() else []
     return usable, waiting
