@@ -5,14 +5,14 @@ pose to its next one), `loops` (between other poses of one robot), `robots`, `la
 measurements). Rows are numbered for each robot and source in the order of the file.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Array, Pose
-from teamslam.io.lines import Line
 from teamslam.model import (
     MODELS,
     Dataset,
@@ -26,6 +26,14 @@ from teamslam.model import (
 )
 
 
+class Place(Protocol):
+    """Where an edge stands in its file: a maker of errors that say so."""
+
+    def error(self, problem: str, field: str | None = None) -> InputError:
+        """An InputError at this place."""
+        ...
+
+
 @dataclass(frozen=True)
 class Edge:
     """One measurement as a file states it: model and dimension as in MODELS, the keys, the value, the noise matrix (in
@@ -36,7 +44,7 @@ class Edge:
     keys: tuple[int, ...]
     value: tuple[float, ...]
     noise: Array
-    place: Line
+    place: Place
     sensor: int | None = None
 
 
@@ -109,6 +117,16 @@ def _source(edge: Edge, following: dict[int, int]) -> str:
     if robot_of(first) != robot_of(second):
         return "robots"
     return "odometry" if edge.model == "relative_pose" and following.get(first) == second else "loops"
+
+
+def robots_of(edges: Iterable[Edge], names: Mapping[int, str]) -> dict[int, int]:
+    """The robots that edges name and the dimension each moves in. InputError for one that does both."""
+    dims: dict[int, int] = {}
+    for edge in edges:
+        for robot in robot_of(np.array(edge.keys, np.int64)).tolist():
+            if robot > 0 and dims.setdefault(robot, edge.dim) != edge.dim:
+                raise edge.place.error(f"robot {names.get(robot, robot)} has poses in the plane and in space")
+    return dict(sorted(dims.items()))
 
 
 def matching(values: Values | None, dataset: Dataset) -> tuple[Values | None, int]:

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array
+from teamslam.geometry import Array, Pose
 from teamslam.io.delimited import read_text
+from teamslam.model import Kind, unpack
 
 LONGEST_WORD = 60  # shown in a message
 LARGEST = 1e100  # no measurement is larger, and its square is still a number
@@ -66,6 +67,29 @@ class Line:
         numbers = self.floats(start, [f"{name}{i + 1}{j + 1}" for i in range(size) for j in range(i, size)])
         matrix[np.triu_indices(size)] = numbers
         return matrix + np.triu(matrix, 1).T
+
+
+def read_pose(line: Line, start: int, dim: int) -> Pose:
+    """A pose in a line: x y theta, or x y z qx qy qz qw with a quaternion of length about 1."""
+    if dim == 2:
+        return Pose.from_xytheta(np.array(line.floats(start, ("x", "y", "theta"))))
+    numbers = np.array(line.floats(start, ("x", "y", "z", "qx", "qy", "qz", "qw")))
+    length = float(np.linalg.norm(numbers[3:]))
+    if not 0.9 < length < 1.1:
+        raise line.error(f"a quaternion has length 1, found {length:.3g} (qx qy qz qw)")
+    return Pose.from_quaternion(numbers[:3], numbers[[6, 3, 4, 5]])
+
+
+def state_words(row: Array, kind: Kind) -> str:
+    """A row of the state vector as a line has it: x y, x y z, or what `read_pose` reads."""
+    if not kind.is_pose:
+        return " ".join(map(text_of, row))
+    pose = unpack(row, kind)
+    assert isinstance(pose, Pose)
+    if kind.dim == 2:
+        return " ".join(map(text_of, pose.xytheta()))
+    w, x, y, z = pose.quaternion_wxyz()
+    return " ".join(map(text_of, (*pose.translation, x, y, z, w)))
 
 
 def triangle(size: int) -> int:

@@ -6,8 +6,10 @@ Robots are numbered by their letter's place in the alphabet of the format, so th
 file; one letter is kept for landmarks.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from teamslam.model import landmark_number
 from teamslam.model.keys import MAX_INDEX
 
 COUNT_BITS = 56
@@ -23,7 +25,7 @@ class Alphabet:
 
     def robot(self, letter: str) -> int | None:
         """The number of the robot with this letter; None where it is no robot's."""
-        return self.robots.index(letter) + 1 if letter in self.robots and letter else None
+        return self.robots.index(letter) + 1 if letter and letter in self.robots else None
 
     def letter(self, robot: int) -> str | None:
         """The letter of a robot's number; None where the alphabet ends before."""
@@ -38,11 +40,11 @@ def split_symbol(symbol: int) -> tuple[str, int]:
     """(letter, count) of a 64-bit symbol; letter '' where the top byte is no printable letter."""
     top = symbol >> COUNT_BITS
     letter = chr(top) if 33 <= top < 127 else ""
-    return letter, symbol & ((1 << COUNT_BITS) - 1)
+    return letter, symbol & ((1 << COUNT_BITS) - 1) if letter else symbol
 
 
-def symbol(letter: str, count: int) -> int:
-    """The 64-bit symbol of a letter and a count."""
+def join_symbol(letter: str, count: int) -> int:
+    """The 64-bit symbol of a letter and a count. Law: split_symbol(join_symbol(l, c)) = (l, c)."""
     return ord(letter) << COUNT_BITS | count
 
 
@@ -51,4 +53,10 @@ def fits(count: int) -> bool:
     return 0 <= count <= MAX_INDEX
 
 
-__all__ = ["LOWER_FIRST", "UPPER_FIRST", "Alphabet", "fits", "split_symbol", "symbol"]
+def landmark_numbers(symbols: Iterable[int]) -> dict[int, int]:
+    """A number for each landmark's symbol or plain id: its count where these differ, else a hash of its name."""
+    parts = {symbol: split_symbol(symbol) for symbol in symbols}
+    counts = [count for _, count in parts.values()]
+    if len(set(counts)) == len(counts) and all(map(fits, counts)):
+        return {symbol: count for symbol, (_, count) in parts.items()}
+    return {symbol: landmark_number(f"{letter}:{count}") for symbol, (letter, count) in parts.items()}
