@@ -1,8 +1,9 @@
 """Graphs of sightings, read edge by edge, as tables: what the readers of factor-graph files share.
 
-An edge belongs to the robot whose pose it starts from. Tables are named by what they see: `odometry` (from a robot's
-pose to its next one), `loops` (between other poses of one robot), `robots`, `landmarks`, and `world` (absolute
-measurements). Rows are numbered for each robot and source in the order of the file.
+An edge belongs to the robot whose pose it starts from (a surveyed landmark: to the lowest robot that sees it). Tables
+are named by what they see: `odometry` (from a robot's pose to its next one), `loops` (between other poses of one robot),
+`robots`, `landmarks`, and `world` (absolute measurements). Rows are numbered for each robot and source in the order of
+the file.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -57,13 +58,13 @@ def tables_of(edges: Sequence[Edge], whitener: Whitener, sensors: dict[int, Pose
 
     InputError names the line of a noise matrix that is none.
     """
-    following = _following(edges)
+    following, watchers = _following(edges), _watchers(edges)
     groups: dict[tuple[int, str, str, int, int | None], list[int]] = {}
     numbers: dict[tuple[int, str], int] = {}
     ids = np.zeros(len(edges), np.int64)
     for k, edge in enumerate(edges):
         source = _source(edge, following)
-        robot = int(robot_of(edge.keys[0]))
+        robot = int(robot_of(edge.keys[0])) or watchers.get(edge.keys[0], min(watchers.values(), default=1))
         groups.setdefault((robot, source, edge.model, edge.dim, edge.sensor), []).append(k)
         ids[k] = numbers.get((robot, source), 0)
         numbers[robot, source] = int(ids[k]) + 1
@@ -106,6 +107,16 @@ def _following(edges: Iterable[Edge]) -> dict[int, int]:
     poses = keys[is_pose(keys)]
     same = robot_of(poses[1:]) == robot_of(poses[:-1])
     return dict(zip(poses[:-1][same].tolist(), poses[1:][same].tolist(), strict=True))
+
+
+def _watchers(edges: Iterable[Edge]) -> dict[int, int]:
+    """The lowest robot that sees each landmark."""
+    found: dict[int, int] = {}
+    for edge in edges:
+        if len(edge.keys) == 2:
+            robot = int(robot_of(edge.keys[0]))
+            found[edge.keys[1]] = min(robot, found.get(edge.keys[1], robot))
+    return found
 
 
 def _source(edge: Edge, following: dict[int, int]) -> str:
