@@ -11,6 +11,17 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     teamslam convert robots.g2o team.jrl --to jrl
     ```
 
+    Formats:
+
+    ```
+    plain    teamslam's own: a folder with team.toml and CSV files
+    g2o      a graph (.g2o), or a folder with one for each robot
+    jrl      JSON robot log (.jrl)
+    pyfg     PyFG factor graph (.pyfg)
+    mrclam   UTIAS MRCLAM data sets                           (read only)
+    islsjf   Victoria Park's clean log, runs of I-SLSJF       (read only)
+    ```
+
     Exit codes: 0 done; 2 bad input or usage.
 
     Parameters
@@ -20,7 +31,7 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     output
         The file or folder to write; it must not exist.
     to
-        The format to write: see the list below. Without it, told by the name of the output.
+        The format to write. Without it, told by the ending of the output's name; a name without one: plain.
     format
         The format of the input, where it cannot be told from its looks.
     """
@@ -31,9 +42,11 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     if output.exists():
         raise InputError("the output is there already; choose another name", path=output)
     dataset = read(input, format=format)
-    write(dataset, output, to)
+    left_out = write(dataset, output, to)
     rows = sum(len(t) for t in dataset.tables)
     say(f"written: {output}: {len(dataset.robots)} robots, {rows} measurements")
     for dropped in dataset.dropped:
-        say(f"dropped: {dropped.count} rows: {dropped.reason}")
+        say(f"dropped in reading: {dropped.count} rows: {dropped.reason}")
+    for dropped in left_out:
+        say(f"no place for it in the output: {dropped.count}: {dropped.reason}")
     return 0

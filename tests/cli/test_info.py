@@ -1,0 +1,31 @@
+"""`info` says what a log holds, and its exit code whether the robots look joinable."""
+
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.io import write
+from worlds import team
+
+
+def test_a_team_that_can_be_joined(teamslam, tmp_path: Path) -> None:
+    """Counts for each robot and sensor, links, truth."""
+    write(team("2d", poses=6), tmp_path / "log", "plain")
+    called = teamslam("info", tmp_path / "log")
+    assert called.code == 0
+    for word in ("odometry", "relative_pose", "common landmarks", "1 - 2", "truth"):
+        assert word in called.out
+
+
+def test_a_team_that_cannot_be_joined_ends_with_code_1_and_the_cure(teamslam, tmp_path: Path) -> None:
+    """Robot 3 sees nobody and nothing that others see."""
+    whole = team("2d", poses=6)
+    log = whole.with_tables(
+        table.select(np.full(len(table), table.source == "odometry" or (table.robot == 1 and table.source == "robots")))
+        for table in whole.tables
+    )
+    write(log, tmp_path / "log", "plain")
+    called = teamslam("info", tmp_path / "log")
+    assert called.code == 1
+    assert "robot 3 cannot be joined to robot 1 and 2: nothing in common" in called.out
+    assert "2 groups of robots" in called.out
