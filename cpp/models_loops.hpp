@@ -150,7 +150,7 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
   constexpr int rows = Factor::rows, a = Factor::dof_a, b = Factor::dof_b, columns = a + b;
   double cost = 0.0;
   for (int64_t row = 0; row < table.count; ++row) {
-    double e[rows], J[rows * columns], We[rows], WJ[rows * columns], weighted[rows * columns];
+    double e[rows], J[rows * columns], We[rows], WJ[rows * columns];
     const double* W = table.whitening + row * table.whitening_stride;
     Factor::template evaluate<true>(table.z + row * Factor::numbers, table.sensor, state + table.state_a[row],
                                     b > 0 ? state + table.state_b[row] : nullptr, e, J);
@@ -161,19 +161,23 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
     const LossValue value = robust(table.loss, table.scale, s);
     const double row_weight = table.weight ? table.weight[row] : 1.0, weight = row_weight * value.weight;
     cost += row_weight * value.rho;
-    for (int i = 0; i < rows * columns; ++i) weighted[i] = weight * WJ[i];
+    if (weight != 1.0) {  // by its root on both sides, so that H is symmetric to the bit
+      const double root = std::sqrt(weight);
+      for (int i = 0; i < rows * columns; ++i) WJ[i] *= root;
+      for (int i = 0; i < rows; ++i) We[i] *= root;
+    }
 
     const Places& at = table.places[row];
-    add_product<rows, columns, a, a>(weighted, WJ, system + at.diagonal_a);
-    add_gradient<rows, a>(weighted, columns, We, system + at.gradient_a);
+    add_product<rows, columns, a, a>(WJ, WJ, system + at.diagonal_a);
+    add_gradient<rows, a>(WJ, columns, We, system + at.gradient_a);
     if constexpr (b > 0) {
-      add_product<rows, columns, b, b>(weighted + a, WJ + a, system + at.diagonal_b);
-      add_gradient<rows, b>(weighted + a, columns, We, system + at.gradient_b);
+      add_product<rows, columns, b, b>(WJ + a, WJ + a, system + at.diagonal_b);
+      add_gradient<rows, b>(WJ + a, columns, We, system + at.gradient_b);
       // Blocks are column-major: the rows of the later variable run fastest.
       if (at.coupling >= 0)
-        add_product<rows, columns, a, b>(weighted, WJ + a, system + at.coupling);
+        add_product<rows, columns, a, b>(WJ, WJ + a, system + at.coupling);
       else
-        add_product<rows, columns, b, a>(weighted + a, WJ, system + ~at.coupling);
+        add_product<rows, columns, b, a>(WJ + a, WJ, system + ~at.coupling);
     }
   }
   return cost;

@@ -62,7 +62,6 @@ class Factor:
         kept = np.zeros(0, np.int64) if last is None else integers("last", last, (None,))
         if len(kept) and (kept.min() < 0 or kept.max() >= n or len(np.unique(kept)) < len(kept)):
             raise ModelError(f"last: expected different variables from 0 to {n - 1}")
-        last_held = kept.astype(np.int32)  # named: an address does not keep its array alive
         pointer = library.factor_new(
             n,
             pattern.dofs,

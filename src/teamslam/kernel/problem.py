@@ -39,9 +39,7 @@ class Problem:
             raise ModelError(f"fixed: found {held.dtype} {held.shape}, expected bool ({n},)")
         if n and (self._kinds.min() < 0 or self._kinds.max() > 3):
             raise ModelError("kinds: expected 0 pose2, 1 pose3, 2 point2 or 3 point3")
-        held_bytes = np.ascontiguousarray(held, np.uint8)
-        kinds_held = self._kinds.astype(np.int32)  # named: an address does not keep its array alive
-        pointer = library.problem_new(n, kinds_held, held_bytes)
+        pointer = library.problem_new(n, self._kinds.astype(np.int32), np.ascontiguousarray(held, np.uint8))
         if not pointer:
             raise ModelError(library.error().decode())
         self._pointer: int = pointer
@@ -54,7 +52,7 @@ class Problem:
         self._pattern: BlockPattern | None = None
         self._system = 0
         self._one = np.empty(1)
-        
+
     # --- adding ---------------------------------------------------------------------------------------------------
 
     def add_table(
@@ -136,7 +134,6 @@ class Problem:
             raise ModelError("submap pattern: its unknowns are not those of the kinds of the members")
         sizes = (int(NUMBERS[own_kinds].sum()), pattern.size, pattern.scalars)
         estimate, information, slope = _submap_arrays(sizes, state, values, eta)
-        kinds_held = own_kinds.astype(np.int32)  # named: an address does not keep its array alive
         handle = checked(
             library.add_submap(
                 self._pointer,
@@ -289,4 +286,4 @@ def _submap_arrays(
 
 
 def _addresses(arrays: list[Floats]) -> NDArray[np.uintp]:
-    return np.array([address(array) for array in arrays], np.uintp)
+    return np.array([array.__array_interface__["data"][0] for array in arrays], np.uintp)
