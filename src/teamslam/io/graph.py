@@ -1,9 +1,9 @@
 """Graphs of sightings, read edge by edge, as tables: what the readers of factor-graph files share.
 
 An edge belongs to the robot whose pose it starts from (a surveyed landmark: to the lowest robot that sees it). Tables
-are named by what they see: `odometry` (from a robot's pose to its next one), `loops` (between other poses of one robot),
-`robots`, `landmarks`, and `world` (absolute measurements). Rows are numbered for each robot and source in the order of
-the file.
+are named by what they see: `odometry` (from a robot's pose to its next one), `loops` (between other poses of one
+robot), `robots`, `landmarks`, and `world` (absolute measurements). Rows are numbered for each robot and source in the
+order of the file.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

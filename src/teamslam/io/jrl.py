@@ -5,8 +5,8 @@
      "potential_outlier_factors", "outlier_factors": {"a": [[entry, measurement], ...]}}
 
 Factors read: those of `FACTORS`; others are left out and counted by their name. A factor belongs to the robot whose
-pose it starts from. Keys are GTSAM's symbols: the top byte is the robot's letter (a, b, c are robots 1, 2, 3), poses are
-counted by the rest; stamps of entries have no unit and are not used. Keys that a factor uses as points are landmarks.
+pose it starts from. Keys are GTSAM's symbols: the top byte is the robot's letter (a, b, c are robots 1, 2, 3), the rest
+counts poses; stamps of entries have no unit and are not used. Keys that a factor uses as points are landmarks.
 
 Noise: covariances are row-major in GTSAM's charts, the right tangent of SE(2) and SE(3), the latter with its rotation
 first; they are converted to the mixed chart to first order at the measurement (`charts`), and back on writing. Bearings
