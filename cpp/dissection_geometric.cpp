@@ -1,6 +1,6 @@
 // Geometric bisection: see dissection.hpp. Maps are nearly planar and sightings short, so a straight line through the
-// map crosses few of them. Lines of several directions are swept over the map, and the one that crosses the least edge
-// weight, within the balance allowed, is made a vertex separator and refined.
+// map crosses few of them. Lines of several directions are swept over the map, and the one of least ratio cut
+// (edge weight crossed over the product of both sides' weights), within the balance allowed, is made a vertex separator and refined.
 #include <algorithm>
 #include <numeric>
 
@@ -42,7 +42,8 @@ Separation geometric_separation(const WeightedGraph& graph, const std::vector<do
   const auto n = static_cast<size_t>(graph.size());
   std::vector<double> along(n);
   std::vector<int32_t> order(n), rank(n), best_order;
-  int64_t lightest = -1;
+  bool found = false;
+  double lowest = 0;
   size_t best_cut = 0;
   for (const auto& d : direction) {
     for (size_t v = 0; v < n; ++v) {
@@ -60,13 +61,16 @@ Separation geometric_separation(const WeightedGraph& graph, const std::vector<do
         crossing += ahead ? graph.edge_weight[k] : -graph.edge_weight[k];
       }
       if (5 * passed < 2 * graph.total || 5 * passed > 3 * graph.total) continue;
-      if (lightest >= 0 && crossing >= lightest) continue;
-      lightest = crossing;
+      const double score = static_cast<double>(crossing) /
+                           (static_cast<double>(passed) * static_cast<double>(graph.total - passed));
+      if (found && score >= lowest) continue;
+      found = true;
+      lowest = score;
       best_cut = i + 1;
       best_order = order;
     }
   }
-  if (lightest < 0) return multilevel_separation(graph);  // one vertex outweighs the balance
+  if (!found) return multilevel_separation(graph);  // one vertex outweighs the balance
   Separation result = border(graph, best_order, best_cut);
   refine(graph, result, 8);
   return result;

@@ -127,8 +127,11 @@ bool better(const Separation& a, const Separation& b, int64_t total) {
     return std::max<int64_t>(0, std::max(s.weight[left], s.weight[right]) - limit);
   };
   if (excess(a) != excess(b)) return excess(a) < excess(b);
-  if (a.weight[separator] != b.weight[separator]) return a.weight[separator] < b.weight[separator];
-  return std::abs(a.weight[left] - a.weight[right]) < std::abs(b.weight[left] - b.weight[right]);
+  const auto quotient = [](const Separation& s) {
+    return static_cast<double>(s.weight[separator]) /
+           (static_cast<double>(s.weight[left] + 1) * static_cast<double>(s.weight[right] + 1));
+  };
+  return quotient(a) < quotient(b);
 }
 
 void refine(const WeightedGraph& graph, Separation& separation, int passes) {

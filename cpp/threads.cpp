@@ -2,8 +2,10 @@
 #include "threads.hpp"
 
 #include <condition_variable>
+#include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #if defined(__unix__) || defined(__APPLE__)
@@ -38,16 +40,26 @@ class Pool {
       ++generation_;
     }
     wake_.notify_all();
-    Team team(0, threads, &arrived_);
-    body(team);
+    attempt(body, 0, threads);
     for (int i = 0; running_.load(std::memory_order_acquire) != 0; ++i) {
       i < spins ? relax() : std::this_thread::yield();
     }
+    if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
   }
 
   std::mutex busy;
 
  private:
+  void attempt(const std::function<void(Team&)>& body, int index, int size) {
+    Team team(index, size, &arrived_);
+    try {
+      body(team);
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      failure_ = std::current_exception();
+    }
+  }
+
   void serve(int index, long seen) {
     for (;;) {
       const std::function<void(Team&)>* body = nullptr;
@@ -60,14 +72,14 @@ class Pool {
         size = size_;
       }
       if (index >= size) continue;
-      Team team(index, size, &arrived_);
-      (*body)(team);
+      attempt(*body, index, size);
       running_.fetch_sub(1, std::memory_order_release);
     }
   }
 
   std::vector<std::thread> workers_;
   std::mutex mutex_;
+  std::exception_ptr failure_;
   std::condition_variable wake_;
   const std::function<void(Team&)>* body_ = nullptr;
   int size_ = 0;

@@ -27,7 +27,8 @@ class Team {
   int target_ = 0;
 };
 
-// Runs body on up to `threads` threads, the caller being member 0; returns when all have finished. Body must not throw.
+// Runs body on up to `threads` threads, the caller being member 0; returns when all have finished. What a
+// member throws is thrown again by the caller; a body that throws must not use barriers.
 void run_team(int threads, const std::function<void(Team&)>& body);
 
 }  // namespace teamslam
