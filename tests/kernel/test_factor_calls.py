@@ -1,0 +1,101 @@
+"""The Python face of factors and patterns: order of calls, use again, refusals."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kernel.formulas import dense, on_pattern
+from teamslam.errors import ModelError, SolveError
+from teamslam.kernel import BlockPattern, Factor, NotPositiveDefinite
+
+
+@st.composite
+def matrices(draw):
+    """A positive definite matrix of random blocks (H of random couplings), with its pattern."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    n = draw(st.integers(1, 40))
+    dofs = rng.choice([2, 3, 6], n)
+    start = np.concatenate([[0], np.cumsum(dofs)])
+    pairs = rng.integers(0, n, (draw(st.integers(0, 3 * n)), 2))
+    H = np.eye(start[-1])
+    for a, b in pairs:
+        columns = np.unique(np.concatenate([np.arange(start[a], start[a + 1]), np.arange(start[b], start[b + 1])]))
+        J = rng.normal(size=(4, len(columns)))
+        H[np.ix_(columns, columns)] += J.T @ J
+    pattern = BlockPattern.from_pairs(dofs, pairs[:, 0], pairs[:, 1])
+    return rng, pattern, on_pattern(pattern, H), H
+
+
+@given(matrices())
+def test_a_factor_serves_again(case):
+    rng, pattern, values, H = case
+    factor = Factor(pattern)
+    b, damping = rng.normal(size=len(H)), rng.random(len(H))
+    factor.factor(values)
+    first = factor.solve(b)
+    factor.factor(values, damping)
+    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(H + np.diag(damping), b), atol=1e-10)
+    factor.factor(values)
+    np.testing.assert_array_equal(factor.solve(b), first)
+
+
+def test_the_order_of_calls_is_kept():
+    pattern = BlockPattern.from_pairs([2, 3], [0], [1])
+    factor = Factor(pattern, last=[1])
+    values = on_pattern(pattern, np.eye(5))
+    with pytest.raises(SolveError, match="call factor first"):
+        factor.solve(np.ones(5))
+    with pytest.raises(SolveError, match="call eliminate first"):
+        factor.back_substitute(np.ones(3), np.ones(5))
+    factor.eliminate(values, np.ones(5))
+    with pytest.raises(SolveError, match="call factor first"):
+        factor.diagonal_inverse()
+    factor.factor(values)
+    np.testing.assert_allclose(factor.solve(np.ones(5)), np.ones(5))
+    with pytest.raises(NotPositiveDefinite):
+        factor.factor(np.full(pattern.size, np.nan))
+    with pytest.raises(SolveError, match="call factor first"):
+        factor.solve(np.ones(5))
+
+
+def test_what_does_not_fit_is_refused():
+    pattern = BlockPattern.from_pairs([2, 3], [0], [1])
+    for bad in ({"ordering": "best"}, {"positions": np.ones((3, 3))}, {"positions": np.full((2, 3), np.nan)},
+                {"last": [2]}, {"last": [-1]}, {"last": [1, 1]}, {"ordering": "geometric"}):  # fmt: skip
+        with pytest.raises(ModelError):
+            Factor(pattern, **bad)
+    with pytest.raises(ModelError, match="no variables"):
+        Factor(BlockPattern.from_pairs([], [], []))
+    factor = Factor(pattern)
+    with pytest.raises(ModelError, match="values: found shape"):
+        factor.factor(np.ones(3))
+    with pytest.raises(ModelError, match="'last'"):
+        factor.eliminate(on_pattern(pattern, np.eye(5)))
+
+
+@pytest.mark.parametrize(
+    ("dofs", "column_start", "row"),
+    [
+        ([2, 2], [0, 1], [0, 1]),
+        ([2, 2], [0, 1, 2], [0]),
+        ([2, 2], [0, 1, 2], [0, 0]),
+        ([2, 2], [0, 2, 3], [0, 2, 1]),
+        ([2, 2, 2], [0, 3, 4, 5], [0, 2, 1, 1, 2]),
+        ([2, 0], [0, 1, 2], [0, 1]),
+        ([2, 2], [0, 3, 2], [0, 1, 1]),
+        ([2, 2], [1, 2, 3], [0, 0, 1]),
+        ([[2, 2]], [0, 1, 2], [0, 1]),
+        ([2.0, 2.0], [0, 1, 2], [0, 1]),
+    ],
+)
+def test_patterns_that_are_none_are_refused(dofs, column_start, row):
+    with pytest.raises(ModelError):
+        BlockPattern(np.array(dofs), np.array(column_start), np.array(row))
+
+
+def test_dense_and_on_pattern_are_inverse():
+    rng = np.random.default_rng(1)
+    pattern = BlockPattern.from_pairs([2, 3, 6], [0, 2], [1, 0])
+    values = on_pattern(pattern, dense(pattern, rng.normal(size=pattern.size)))
+    np.testing.assert_array_equal(on_pattern(pattern, dense(pattern, values)), values)
