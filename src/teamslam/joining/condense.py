@@ -178,6 +178,16 @@ class Interior:
         return Factor.of(layout.select(self._gone), matrix, self.submap.names)
 
 
+def disagreement(submap: Submap, joined: Submap) -> Array:
+    """e = S^ (-) h(G), (dof,): what a submap and a map that it was joined into disagree by, in the submap's frame.
+
+    Raises ModelError where the map lacks a variable of the submap.
+    """
+    known = joined.all_values
+    frame = known.poses_of(np.array(submap.base), submap.base_dim)
+    return submap.values.minus(_seen_from(frame, known, submap.values.layout))
+
+
 def _seen_from(frame: Pose, known: Values, layout: Layout) -> Values:
     """The variables of a layout as `known` has them, written in a frame."""
     back = frame.inverse()

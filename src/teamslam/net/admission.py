@@ -1,0 +1,216 @@
+"""Which submaps may be joined: bad ones are refused with the reason, the rest goes on.
+
+    alone      damaged files, unknown versions, indefinite information, no base frame, numbers that are not finite
+    together   two contents under one id and version, a landmark of two dimensions, names or clocks that contradict,
+               and whatever would be counted twice: rows of a log in two submaps, one surveyed prior in several
+
+Of submaps that exclude each other the one that excludes most goes first, so that one bad submap does not cost the
+team its good ones; among equals, the one with fewer measurements, then the later. The answer depends on the set alone.
+"""
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.errors import TeamslamError
+from teamslam.io.arrays import SUFFIX, read_submap
+from teamslam.model import Submap, is_landmark
+from teamslam.net.messages import canonical, check
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A submap or file that is left out, and why."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Admission:
+    """The submaps that go together, by base and id, and those that do not."""
+
+    good: tuple[Submap, ...]
+    refused: tuple[Refusal, ...]
+
+
+def admit(candidates: Iterable[Submap | str | Path]) -> Admission:
+    """Sort submaps, submap files and folders of such files into those that can be joined and those that are refused.
+
+    Of several versions of one id the newest is taken, which is no refusal. Never raises for a bad submap.
+    """
+    sound: list[Submap] = []
+    refused: list[Refusal] = []
+    for candidate in _each_file(candidates):
+        try:
+            submap = candidate if isinstance(candidate, Submap) else read_submap(candidate)
+            if isinstance(candidate, Submap):
+                check(submap)
+            sound.append(submap)
+        except TeamslamError as error:
+            name = candidate.id if isinstance(candidate, Submap) else str(candidate)
+            refused.append(Refusal(name, str(error)))
+    newest, torn = _newest(sound)
+    good, excluded = _without_conflicts(newest)
+    return Admission(tuple(good), tuple(sorted([*refused, *torn, *excluded], key=lambda r: (r.name, r.reason))))
+
+
+def _each_file(candidates: Iterable[Submap | str | Path]) -> Iterable[Submap | Path]:
+    for candidate in candidates:
+        if isinstance(candidate, Submap):
+            yield candidate
+        elif (path := Path(candidate)).is_dir():
+            files = sorted(path.glob(f"*{SUFFIX}"))
+            yield from files or [path]
+        else:
+            yield path
+
+
+def _newest(submaps: Iterable[Submap]) -> tuple[list[Submap], list[Refusal]]:
+    """The newest version of each id, in order; ids whose newest version has several contents are refused."""
+    by_id: dict[str, dict[bytes, Submap]] = {}
+    for submap in submaps:
+        by_id.setdefault(submap.id, {}).setdefault(canonical(submap), submap)
+    kept, refused = [], []
+    for id_, contents in by_id.items():
+        version = max(s.version for s in contents.values())
+        latest = [s for s in contents.values() if s.version == version]
+        if len(latest) > 1:
+            refused.append(Refusal(id_, torn_reason(id_, version, len(latest))))
+        else:
+            kept.append(latest[0])
+    return sorted(kept, key=lambda s: (s.base, s.id)), refused
+
+
+def torn_reason(id_: str, version: int, contents: int) -> str:
+    """Why an id with several contents is left out."""
+    return (
+        f"{contents} different submaps are all called {id_}, version {version}; which is right cannot be told: "
+        f"whoever made them should send one under a higher version"
+    )
+
+
+# --- submaps that exclude each other -----------------------------------------------------------------------------
+
+
+Conflict = tuple[int, int, str]  # two places in the list, and why they exclude each other
+
+
+def _without_conflicts(submaps: Sequence[Submap]) -> tuple[list[Submap], list[Refusal]]:
+    against: list[dict[int, str]] = [{} for _ in submaps]
+    for rule in RULES:
+        for a, b, why in rule(submaps):
+            against[a].setdefault(b, why)
+            against[b].setdefault(a, why)
+    left = set(range(len(submaps)))
+    refused = []
+    while left:
+        worst = max(left, key=lambda n: (len(against[n].keys() & left), -submaps[n].rows, n))
+        opponents = sorted(against[worst].keys() & left)
+        if not opponents:
+            break
+        left.discard(worst)
+        refused.append(Refusal(submaps[worst].id, against[worst][opponents[0]]))
+    return [submaps[n] for n in sorted(left)], refused
+
+
+def _counted_twice(submaps: Sequence[Submap]) -> Iterable[Conflict]:
+    stretches = sorted(
+        (s.robot, s.source, s.start, s.stop, number) for number, submap in enumerate(submaps) for s in submap.sources
+    )
+    for _, group in itertools.groupby(stretches, key=lambda s: s[:2]):
+        open_: list[tuple[int, int]] = []
+        for robot, source, start, stop, number in group:
+            open_ = [(end, other) for end, other in open_ if end > start]
+            for end, other in open_:
+                if other != number:
+                    yield (
+                        number,
+                        other,
+                        f"rows {start} to {min(end, stop) - 1} of the {source} of robot {robot} stand in both submap "
+                        f"{submaps[other].id} and submap {submaps[number].id}; joined, they would count twice and "
+                        f"the map would be too sure of itself",
+                    )
+            open_.append((stop, number))
+
+
+def _one_prior_in_several(submaps: Sequence[Submap]) -> Iterable[Conflict]:
+    """What was surveyed once and written into several robots' logs looks like several measurements."""
+    seen: dict[tuple[int, bytes, bytes], int] = {}
+    for number, submap in enumerate(submaps):
+        for table in submap.raw:
+            if not table.row.unary:
+                continue
+            for row in np.flatnonzero(is_landmark(table.keys[:, 0])).tolist():
+                noise = table.whitening[row if len(table.whitening) > 1 else 0]
+                key = int(table.keys[row, 0])
+                other = seen.setdefault((key, table.values[row].tobytes(), noise.tobytes()), number)
+                if other != number:
+                    yield (
+                        number,
+                        other,
+                        f"submap {submaps[other].id} and submap {submap.id} both bring the same prior on "
+                        f"{submap.names.describe(key)}; joined, one survey would count twice: give it to one robot",
+                    )
+
+
+def _two_dimensions(submaps: Sequence[Submap]) -> Iterable[Conflict]:
+    yield from _disagreements(
+        submaps,
+        lambda s: {
+            int(k): kind
+            for k, kind in zip(s.values.layout.keys.tolist(), s.values.layout.kinds.tolist(), strict=True)
+            if is_landmark(k)
+        },
+        lambda s, key: f"{s.names.describe(key)} has another dimension or kind",
+    )
+
+
+def _clocks(submaps: Sequence[Submap]) -> Iterable[Conflict]:
+    yield from _disagreements(submaps, lambda s: {0: s.names.tick_s}, lambda s, _: "a tick lasts another time")
+
+
+def _names(submaps: Sequence[Submap]) -> Iterable[Conflict]:
+    yield from _disagreements(
+        submaps, lambda s: dict(s.names.robots), lambda s, n: f"robot number {n} is called {s.names.robot(n)}"
+    )
+    yield from _disagreements(
+        submaps, lambda s: dict(s.names.landmarks), lambda s, n: f"landmark number {n} is called {s.names.landmark(n)}"
+    )
+
+
+def _disagreements(
+    submaps: Sequence[Submap],
+    says: Callable[[Submap], dict[int, object]],
+    words: Callable[[Submap, int], str],
+) -> Iterable[Conflict]:
+    """Pairs of submaps that say different things of one number."""
+    held: dict[int, dict[object, list[int]]] = {}
+    for number, submap in enumerate(submaps):
+        for key, value in says(submap).items():
+            held.setdefault(key, {}).setdefault(value, []).append(number)
+    for key, camps in held.items():
+        for mine, theirs in itertools.combinations(camps.values(), 2):
+            for a, b in itertools.product(mine, theirs):
+                low, high = sorted((a, b))
+                yield (
+                    low,
+                    high,
+                    f"in submap {submaps[high].id} {words(submaps[high], key)} than in submap {submaps[low].id}; "
+                    f"both cannot be right"
+                    if "another" in words(submaps[high], key)
+                    else f"in submap {submaps[high].id} {words(submaps[high], key)}, in submap {submaps[low].id} "
+                    f"otherwise; give it one name for the whole team",
+                )
+
+
+RULES: tuple[Callable[[Sequence[Submap]], Iterable[Conflict]], ...] = (
+    _counted_twice,
+    _one_prior_in_several,
+    _two_dimensions,
+    _clocks,
+    _names,
+)
