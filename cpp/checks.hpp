@@ -3,8 +3,8 @@
 
 #include <cmath>
 #include <cstdint>
+#include <sstream>
 #include <stdexcept>
-#include <string>
 
 #include "kinds.hpp"
 
@@ -32,8 +32,12 @@ inline bool is_rotation(const double* R, int D) {
   return determinant > 0.0;
 }
 
-inline void require(bool holds, const std::string& message) {
-  if (!holds) throw std::invalid_argument(message);
+// Says what is wrong, part after part. Callers test first, so that no message is built for what is right.
+template <class... Parts>
+[[noreturn]] void refuse(const Parts&... parts) {
+  std::ostringstream message;
+  (message << ... << parts);
+  throw std::invalid_argument(message.str());
 }
 
 inline const char* name_of(Kind kind) {

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cstddef>
 #include <new>
-#include <string>
 #include <utility>
 
 #include "checks.hpp"
@@ -47,12 +46,11 @@ double sum_of(const std::vector<double>& numbers) {
 }  // namespace
 
 Problem::Problem(int64_t variables, const int32_t* kinds_, const uint8_t* fixed) {
-  require(variables > 0, "a problem needs at least one variable");
+  if (variables <= 0) refuse("a problem needs at least one variable");
   variables_.offset.push_back(0);
   for (int64_t v = 0; v < variables; ++v) {
-    require(kinds_[v] >= 0 && kinds_[v] < kinds, "variable " + std::to_string(v) + " has kind " +
-                                                     std::to_string(kinds_[v]) +
-                                                     "; expected 0 pose2, 1 pose3, 2 point2 or 3 point3");
+    if (kinds_[v] < 0 || kinds_[v] >= kinds)
+      refuse("variable ", v, " has kind ", kinds_[v], "; expected 0 pose2, 1 pose3, 2 point2 or 3 point3");
     const Kind kind = static_cast<Kind>(kinds_[v]);
     variables_.kind.push_back(kind);
     variables_.offset.push_back(variables_.offset.back() + numbers(kind));
@@ -62,7 +60,7 @@ Problem::Problem(int64_t variables, const int32_t* kinds_, const uint8_t* fixed)
 }
 
 void Problem::check_open() const {
-  require(!frozen_, "the problem's structure is fixed by its first use; add all terms before");
+  if (frozen_) refuse("the problem's structure is fixed by its first use; add all terms before");
 }
 
 int64_t Problem::add_table(const TableInput& input) {
@@ -88,7 +86,7 @@ Kind_& Problem::find(int64_t handle, const char* name) {
   Kind_* term = nullptr;
   if (handle >= 0 && handle < static_cast<int64_t>(terms_.size()))
     term = dynamic_cast<Kind_*>(terms_[static_cast<std::size_t>(handle)].get());
-  require(term != nullptr, "handle " + std::to_string(handle) + " is no " + name + " of this problem");
+  if (term == nullptr) refuse("handle ", handle, " is no ", name, " of this problem");
   return *term;
 }
 
@@ -203,16 +201,13 @@ void Problem::retract(const double* state, const double* delta, double* out) con
 }
 
 void Problem::check_state(const double* state) const {
-  if (!all_finite(state, variables_.numbers()))
-    for (int64_t v = 0; v < variables_.count(); ++v)
-      require(all_finite(state + variables_.offset[v], numbers(variables_.kind[v])),
-              "the state of variable " + std::to_string(v) + " is not finite");
+  const bool finite = all_finite(state, variables_.numbers());
   for (int64_t v = 0; v < variables_.count(); ++v) {
     const Kind kind = variables_.kind[v];
-    if (!is_pose(kind)) continue;
-    const int D = dimension(kind);
-    if (!is_rotation(state + variables_.offset[v] + D, D))
-      throw std::invalid_argument("the rotation of variable " + std::to_string(v) + " is none; expected T, then R row by row");
+    const double* x = state + variables_.offset[v];
+    if (!finite && !all_finite(x, numbers(kind))) refuse("the state of variable ", v, " is not finite");
+    if (is_pose(kind) && !is_rotation(x + dimension(kind), dimension(kind)))
+      refuse("the rotation of variable ", v, " is none; expected T, then R row by row");
   }
 }
 

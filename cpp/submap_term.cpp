@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <string>
 #include <utility>
 
 #include "checks.hpp"
@@ -125,29 +124,17 @@ struct SubmapTerm::Jacobians {
 
 SubmapTerm::SubmapTerm(const Variables& variables, const SubmapInput& input)
     : variables_(variables), base_(static_cast<int32_t>(input.base)) {
-  require(input.members > 0, "submap: it has no members");
-  require(input.base >= -1 && input.base < variables.count(),
-          "submap: the base is variable " + std::to_string(input.base) + ", but there are " +
-              std::to_string(variables.count()) + " (-1: the frame is the world's)");
-  require(base_ < 0 || is_pose(variables.kind[base_]), "submap: the base is not a pose");
-  std::vector<uint8_t> seen(variables.count(), 0);
-  if (base_ >= 0) seen[base_] = 1;
+  const int64_t count = variables.count();
+  if (input.members <= 0) refuse("submap: it has no members");
+  if (input.base < -1 || input.base >= count)
+    refuse("submap: the base is variable ", input.base, ", but there are ", count, " (-1: the frame is the world's)");
+  if (base_ >= 0 && !is_pose(variables.kind[base_])) refuse("submap: the base is not a pose");
+  check_members(input);
   int64_t numbers_so_far = 0;
   pattern_.scalar_start.push_back(0);
   for (int64_t i = 0; i < input.members; ++i) {
-    const std::string here = "submap: member " + std::to_string(i) + ": ";
-    const int64_t variable = input.member[i];
-    require(variable >= 0 && variable < variables.count(),
-            here + "names variable " + std::to_string(variable) + ", but there are " +
-                std::to_string(variables.count()));
-    require(!seen[variable], here + "variable " + std::to_string(variable) + " comes twice, or is the base");
-    seen[variable] = 1;
-    const Kind kind = static_cast<Kind>(input.kind[i]), global = variables.kind[variable];
-    require(kind == global || (kind == Kind::pose3 && global == Kind::pose2),
-            here + "a " + name_of(kind) + " cannot be the estimate of a " + name_of(global));
-    require(base_ < 0 || dimension(variables.kind[base_]) <= dimension(kind),
-            here + "a " + name_of(kind) + " cannot be seen from a base in space");
-    members_.push_back({static_cast<int32_t>(variable), kind, numbers_so_far, 0, 0, held, 0});
+    const Kind kind = static_cast<Kind>(input.kind[i]);
+    members_.push_back({static_cast<int32_t>(input.member[i]), kind, numbers_so_far, 0, 0, held, 0});
     numbers_so_far += numbers(kind);
     pattern_.dof.push_back(dof(kind));
     pattern_.scalar_start.push_back(pattern_.scalar_start.back() + dof(kind));
@@ -168,27 +155,49 @@ SubmapTerm::SubmapTerm(const Variables& variables, const SubmapInput& input)
   set(input.state, input.values, input.eta);
 }
 
+void SubmapTerm::check_members(const SubmapInput& input) const {
+  const int64_t count = variables_.count();
+  std::vector<int64_t> sorted(input.member, input.member + input.members);
+  std::sort(sorted.begin(), sorted.end());
+  for (int64_t i = 0; i < input.members; ++i) {
+    const int64_t variable = input.member[i];
+    if (variable < 0 || variable >= count)
+      refuse("submap: member ", i, " names variable ", variable, ", but there are ", count);
+    if (variable == base_ || (i > 0 && sorted[i] == sorted[i - 1]))
+      refuse("submap: variable ", variable == base_ ? variable : sorted[i], " comes twice, or is the base");
+  }
+  for (int64_t i = 0; i < input.members; ++i) {
+    const Kind kind = static_cast<Kind>(input.kind[i]), global = variables_.kind[input.member[i]];
+    if (kind != global && !(kind == Kind::pose3 && global == Kind::pose2))
+      refuse("submap: member ", i, ": a ", name_of(kind), " cannot be the estimate of a ", name_of(global));
+    if (base_ >= 0 && dimension(variables_.kind[base_]) > dimension(kind))
+      refuse("submap: member ", i, ": a ", name_of(kind), " cannot be seen from a base in space");
+  }
+}
+
 void SubmapTerm::check_pattern(const SubmapInput& input) const {
-  require(input.column_start[0] == 0, "submap: the information's pattern does not start at block 0");
+  if (input.column_start[0] != 0) refuse("submap: the information's pattern does not start at block 0");
   for (int64_t c = 0; c < input.members; ++c) {
     const int64_t begin = input.column_start[c], end = input.column_start[c + 1];
-    require(end > begin && input.row[begin] == c,
-            "submap: column " + std::to_string(c) + " of the information does not begin with its diagonal block");
+    if (end <= begin || input.row[begin] != c)
+      refuse("submap: column ", c, " of the information does not begin with its diagonal block");
     for (int64_t k = begin + 1; k < end; ++k)
-      require(input.row[k] > input.row[k - 1] && input.row[k] < input.members,
-              "submap: the rows of column " + std::to_string(c) + " of the information do not rise within the members");
+      if (input.row[k] <= input.row[k - 1] || input.row[k] >= input.members)
+        refuse("submap: the rows of column ", c, " of the information do not rise within the members");
   }
 }
 
 void SubmapTerm::set(const double* state, const double* values, const double* eta) {
-  require(all_finite(state, static_cast<int64_t>(state_.size())), "submap: the state has a number that is not finite");
-  require(all_finite(values, static_cast<int64_t>(values_.size())),
-          "submap: the information has a number that is not finite");
-  require(!eta || all_finite(eta, static_cast<int64_t>(eta_.size())), "submap: eta has a number that is not finite");
+  if (!all_finite(state, static_cast<int64_t>(state_.size())))
+    refuse("submap: the state has a number that is not finite");
+  if (!all_finite(values, static_cast<int64_t>(values_.size())))
+    refuse("submap: the information has a number that is not finite");
+  if (eta && !all_finite(eta, static_cast<int64_t>(eta_.size())))
+    refuse("submap: eta has a number that is not finite");
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const int D = dimension(members_[i].kind);
-    require(!is_pose(members_[i].kind) || is_rotation(state + members_[i].state + D, D),
-            "submap: the rotation of member " + std::to_string(i) + " is none; expected T, then R row by row");
+    if (is_pose(members_[i].kind) && !is_rotation(state + members_[i].state + D, D))
+      refuse("submap: the rotation of member ", i, " is none; expected T, then R row by row");
   }
   std::copy_n(state, state_.size(), state_.data());
   std::copy_n(values, values_.size(), values_.data());

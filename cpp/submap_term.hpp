@@ -56,6 +56,7 @@ class SubmapTerm final : public Term {
   struct Jacobians;
   int32_t owner() const;
   int32_t free_of(const Member& member) const { return variables_.free[member.variable]; }
+  void check_members(const SubmapInput& input) const;
   void check_pattern(const SubmapInput& input) const;
   void residual(const double* state, double* e, Jacobians* jacobians) const;
   double weigh_residual(const double* e, double* weighted) const;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <numbers>
-#include <string>
 #include <utility>
 
 #include "checks.hpp"
@@ -36,24 +35,23 @@ Table::Table(const Variables& variables, const TableInput& input)
       shared_whitening_(input.shared_whitening),
       loss_(input.loss),
       scale_(input.scale) {
-  const std::string name = model_names[static_cast<int>(model_)];
+  const char* name = model_names[static_cast<int>(model_)];
   const int r = residual_size();
-  require(rows_ > 0, name + ": the table has no rows; leave it out");
-  require(loss_ == Loss::squared || (std::isfinite(scale_) && scale_ > 0.0),
-          name + ": a robust loss needs a scale above zero, found " + std::to_string(scale_));
+  if (rows_ <= 0) refuse(name, ": the table has no rows; leave it out");
+  if (loss_ != Loss::squared && !(std::isfinite(scale_) && scale_ > 0.0))
+    refuse(name, ": a robust loss needs a scale above zero, found ", scale_);
   for (int64_t i = 0; i < rows_ * keys_; ++i)
-    require(input.index[i] >= 0 && input.index[i] < variables.count(),
-            name + ": row " + std::to_string(i / keys_) + " names variable " + std::to_string(input.index[i]) +
-                ", but there are " + std::to_string(variables.count()));
+    if (input.index[i] < 0 || input.index[i] >= variables.count())
+      refuse(name, ": row ", i / keys_, " names variable ", input.index[i], ", but there are ", variables.count());
   index_.assign(input.index, input.index + rows_ * keys_);
   z_.assign(input.z, input.z + rows_ * numbers_);
   whitening_.assign(input.whitening, input.whitening + (shared_whitening_ ? 1 : rows_) * r * r);
-  require(all_finite(whitening_.data(), static_cast<int64_t>(whitening_.size())),
-          name + ": the whitening has a number that is not finite");
+  if (!all_finite(whitening_.data(), static_cast<int64_t>(whitening_.size())))
+    refuse(name, ": the whitening has a number that is not finite");
   if (input.sensor) {
     sensor_.assign(input.sensor, input.sensor + pose_numbers(dimension_));
-    require(all_finite(sensor_.data(), pose_numbers(dimension_)) && is_rotation(sensor_.data() + dimension_, dimension_),
-            name + ": the sensor's pose is not finite or its rotation is none; expected T, then R row by row");
+    if (!all_finite(sensor_.data(), pose_numbers(dimension_)) || !is_rotation(sensor_.data() + dimension_, dimension_))
+      refuse(name, ": the sensor's pose is not finite or its rotation is none; expected T, then R row by row");
     const std::vector<double>& s = sensor_;
     lifted_sensor_ = dimension_ == 3 ? s : std::vector<double>{s[0], s[1], 0, s[2], s[3], 0, s[4], s[5], 0, 0, 0, 1};
   }
@@ -64,17 +62,15 @@ Table::Table(const Variables& variables, const TableInput& input)
 Kind Table::kind_of(int64_t row, int key) const { return variables_.kind[index_[keys_ * row + key]]; }
 
 void Table::check_row(int64_t row) const {
-  const auto say = [&](const std::string& what) {
-    throw std::invalid_argument(std::string(model_names[static_cast<int>(model_)]) + ": row " + std::to_string(row) +
-                                ": " + what);
+  const auto say = [&](const auto&... parts) {
+    refuse(model_names[static_cast<int>(model_)], ": row ", row, ": ", parts...);
   };
   const Kind a = kind_of(row, 0), b = keys_ == 2 ? kind_of(row, 1) : a;
   if (!row_loops(model_, dimension_, a, b).linearise)
-    say(std::string("cannot relate ") + name_of(a) + (keys_ == 2 ? std::string(" to ") + name_of(b) : "") + " in " +
-        std::to_string(dimension_) + " dimensions");
-  if (keys_ == 2 && index_[2 * row] == index_[2 * row + 1])
-    say("names variable " + std::to_string(index_[2 * row]) + " twice");
-  if (!sensor_.empty() && !is_pose(a)) say("a sensor's pose needs a pose to sit on, found a " + std::string(name_of(a)));
+    say("cannot relate ", name_of(a), keys_ == 2 ? " to " : "", keys_ == 2 ? name_of(b) : "", " in ", dimension_,
+        " dimensions");
+  if (keys_ == 2 && index_[2 * row] == index_[2 * row + 1]) say("names variable ", index_[2 * row], " twice");
+  if (!sensor_.empty() && !is_pose(a)) say("a sensor's pose needs a pose to sit on, found a ", name_of(a));
   const double* z = z_.data() + row * numbers_;
   if (!all_finite(z, numbers_)) say("the measurement is not finite");
   if ((model_ == Model::relative_pose || model_ == Model::pose) && !is_rotation(z + dimension_, dimension_))
@@ -106,9 +102,8 @@ void Table::set_weights(const double* weights) {
     return;
   }
   for (int64_t row = 0; row < rows_; ++row)
-    require(std::isfinite(weights[row]) && weights[row] >= 0.0,
-            "weight of row " + std::to_string(row) + " is " + std::to_string(weights[row]) +
-                "; expected a number of at least 0");
+    if (!(std::isfinite(weights[row]) && weights[row] >= 0.0))
+      refuse("weight of row ", row, " is ", weights[row], "; expected a number of at least 0");
   weights_.assign(weights, weights + rows_);
   if (!order_.empty()) reorder(weights_, 1, order_);
 }
@@ -206,6 +201,7 @@ Rows Table::rows_of(const Run& run) const {
           weights_.empty() ? nullptr : weights_.data() + run.first,
           loss_,
           scale_,
+          curved_,
           places_.data() + run.first};
 }
 

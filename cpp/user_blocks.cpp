@@ -1,7 +1,5 @@
 #include "user_blocks.hpp"
 
-#include <string>
-
 #include "checks.hpp"
 
 namespace teamslam {
@@ -9,19 +7,18 @@ namespace teamslam {
 UserBlocks::UserBlocks(const Variables& variables, int64_t count, int64_t keys, const int64_t* index,
                        int64_t residual_rows)
     : variables_(variables), count_(count), keys_(keys), residual_rows_(residual_rows), pairs_(keys * (keys - 1) / 2) {
-  require(count > 0 && keys > 0 && residual_rows > 0, "blocks: expected at least one row, one key and one residual");
+  if (count <= 0 || keys <= 0 || residual_rows <= 0)
+    refuse("blocks: expected at least one row, one key and one residual");
   index_.reserve(count * keys);
   for (int64_t row = 0; row < count; ++row)
     for (int64_t key = 0; key < keys; ++key) {
       const int64_t variable = index[keys * row + key];
-      const std::string here = "blocks: row " + std::to_string(row) + ": ";
-      require(variable >= 0 && variable < variables.count(),
-              here + "names variable " + std::to_string(variable) + ", but there are " +
-                  std::to_string(variables.count()));
+      if (variable < 0 || variable >= variables.count())
+        refuse("blocks: row ", row, " names variable ", variable, ", but there are ", variables.count());
       for (int64_t other = 0; other < key; ++other)
-        require(variable != index[keys * row + other], here + "names variable " + std::to_string(variable) + " twice");
-      require(variables.kind[variable] == variables.kind[index[key]],
-              here + "relates other kinds of variables than row 0; add them apart");
+        if (variable == index[keys * row + other]) refuse("blocks: row ", row, " names variable ", variable, " twice");
+      if (variables.kind[variable] != variables.kind[index[key]])
+        refuse("blocks: row ", row, " relates other kinds of variables than row 0; add them apart");
       index_.push_back(static_cast<int32_t>(variable));
     }
   for (int64_t key = 0; key < keys; ++key) {
