@@ -32,13 +32,15 @@ Elimination ordered(const Graph& graph, Ordering method, const std::vector<uint8
   return eliminate_symbolically(graph, order, last_count);
 }
 
+constexpr double flops_per_second = 20e9;  // of one thread, about
+
 // Seconds for one factorisation and solve, about.
 double predicted_time(const Elimination& elimination) {
-  return elimination.flops / 20e9 + elimination.nonzeros * 3e-9;
+  return elimination.flops / flops_per_second + elimination.nonzeros * 3e-9;
 }
 
-// Minimum degree is cheap and best for small problems; dissection is tried where half the time of a few factorisations
-// would pay for it, and kept if it predicts less time.
+// Minimum degree is cheap and best for small problems; dissection is tried where half the arithmetic of a few
+// factorisations would pay for it, and kept if it predicts less time.
 Choice chosen(const Graph& graph, Ordering asked, const std::vector<uint8_t>& frozen, const double* positions,
               const int32_t* last, int32_t last_count, int threads) {
   const auto with = [&](Ordering method) {
@@ -48,7 +50,7 @@ Choice chosen(const Graph& graph, Ordering asked, const std::vector<uint8_t>& fr
   constexpr double factorisations = 5;
   const double dissection_time = (positions != nullptr ? 3e-6 : 6e-6) * graph.size();
   Choice degree = with(Ordering::minimum_degree);
-  if (factorisations * predicted_time(degree.elimination) / 2 < dissection_time) return degree;
+  if (factorisations * degree.elimination.flops / flops_per_second / 2 < dissection_time) return degree;
   Choice dissection = with(positions != nullptr ? Ordering::geometric : Ordering::nested_dissection);
   const bool gains = predicted_time(dissection.elimination) < predicted_time(degree.elimination);
   return gains ? dissection : degree;

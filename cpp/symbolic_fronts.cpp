@@ -19,7 +19,7 @@ double front_time(double columns, double total) {
   const double rows = total - columns;
   double flops = 0;
   flops += columns * columns * columns / 3 + columns * columns * rows + columns * rows * rows;
-  return 160 + 0.25 * total * columns + 0.55 * rows * rows + flops * 0.06;
+  return 200 + 0.4 * total * columns + 0.8 * rows * rows + flops * 0.08;
 }
 
 struct Node {
