@@ -79,11 +79,12 @@ class _Vertex:
 class _Graph:
     """The content of the files read so far."""
 
-    vertices: dict[tuple[int, int], _Vertex] = field(default_factory=dict)  # by file (0 for symbols) and id
+    vertices: dict[tuple[int, int], _Vertex] = field(default_factory=dict)  # by place (`_place`) and id
     edges: list[tuple[int, Line]] = field(default_factory=list)  # with the number of the file
     sensors: dict[tuple[int, int], Pose] = field(default_factory=dict)  # by dimension and id
     robots: dict[int, str] = field(default_factory=dict)
     marks: dict[int, int] = field(default_factory=dict)  # the number of each landmark's id
+    with_vertices: set[int] = field(default_factory=set)  # files that define vertices
     unknown: dict[str, int] = field(default_factory=dict)
     files: int = 0
     fixed: int = 0
@@ -94,7 +95,7 @@ class _Graph:
         """All lines of one file."""
         self.files += 1
         self.names = self.names or _noted(path)
-        own: set[int] = set()
+        own: set[tuple[bool, int]] = set()
         for line in read_lines(path):
             if line.tag in VERTICES:
                 self._add_vertex(line, own)
@@ -107,8 +108,9 @@ class _Graph:
             else:
                 self.unknown[line.tag] = self.unknown.get(line.tag, 0) + 1
 
-    def _add_vertex(self, line: Line, own: set[int]) -> None:
+    def _add_vertex(self, line: Line, own: set[tuple[bool, int]]) -> None:
         kind = VERTICES[line.tag]
+        self.with_vertices.add(self.files)
         form = {Kind.POSE2: "x y theta", Kind.POSE3: "x y z qx qy qz qw", Kind.POINT2: "x y", Kind.POINT3: "x y z"}[
             kind
         ]
@@ -117,25 +119,26 @@ class _Graph:
         letter, count = split_symbol(name)
         if not 0 <= name < 1 << 63 or (kind.is_pose and not fits(count)):
             raise line.error(f"ids run from 0 to 2^51 - 1 (behind a letter in the top byte), found {name}", "id")
-        if name in own:
+        if (kind.is_pose, name) in own:  # poses and landmarks may share plain ids
             raise line.error(f"vertex {name} stands twice in this file; give every vertex one line")
-        own.add(name)
+        own.add((kind.is_pose, name))
         robot = 0
         if kind.is_pose:
             robot = (LOWER_FIRST.robot(letter) or 0) if letter else self.files
             if not robot:
                 raise line.error(f"the letter '{letter}' of a pose's id is no robot's (letters but L)", "id")
             self.robots.setdefault(robot, letter or line.path.stem)
-        place = (self._file_of(name, kind, self.files), name)
+        place = (self._place(name, kind), name)
         if place in self.vertices:
             self.repeated += 1
         else:
             self.vertices[place] = _Vertex(kind, robot, name, _state(line, 1, kind))
 
-    @staticmethod
-    def _file_of(name: int, kind: Kind, file: int) -> int:
-        """Plain ids of poses are those of their file; symbols and landmarks are the team's."""
-        return file if kind.is_pose and not split_symbol(name)[0] else 0
+    def _place(self, name: int, kind: Kind) -> int:
+        """Whose an id is: that of one file (a pose's plain id), the team's (a symbol, -1 for landmarks of plain id)."""
+        if split_symbol(name)[0]:
+            return 0
+        return self.files if kind.is_pose else -1
 
     def _add_parameter(self, line: Line) -> None:
         dim = PARAMETERS[line.tag]
@@ -153,17 +156,22 @@ class _Graph:
     def dataset(self, origin: str, half_angle: bool) -> Dataset:
         """Everything as one Dataset."""
         if not self.edges:
-            raise InputError(f"no line is an edge that teamslam knows ({', '.join(EDGES)})", path=origin)
+            found = ", ".join(f"{tag[:60]} ({n})" for tag, n in self.unknown.items()) or "vertices alone"
+            raise InputError(f"no line is an edge that teamslam knows; found {found}", path=origin)
         self.marks = landmark_numbers(v.name for v in self.vertices.values() if not v.kind.is_pose)
         edges, twice = self._edges()
         dims = robots_of(edges, self.robots)
-        names = self.names or Names({robot: self.robots[robot] for robot in dims if robot in self.robots}, {}, 1.0)
+        names = self.names or Names({robot: self._called(robot) for robot in dims}, {}, 1.0)
         numbers = {(dim, name): k for k, (dim, name) in enumerate(self.sensors)}
         placed = [e if e.sensor is None else replace(e, sensor=numbers[e.dim, e.sensor]) for e in edges]
         sensors = {k: self.sensors[name] for name, k in numbers.items()}
         dataset = Dataset(dims, tables_of(placed, _whitener(half_angle), sensors), names, origin=origin)
         initial, alone = matching(self._estimate(), dataset)
         return Dataset(dims, dataset.tables, names, initial=initial, dropped=self._dropped(twice, alone), origin=origin)
+
+    def _called(self, robot: int) -> str:
+        """A robot's name: its letter or its file's name."""
+        return self.robots.get(robot) or str(LOWER_FIRST.letter(robot) or robot)
 
     def _estimate(self) -> Values | None:
         """The vertices; None where all lie at the origin, which is no estimate."""
@@ -199,24 +207,33 @@ class _Graph:
             value = tuple(pack(read_pose(line, start, tag.dim)).tolist())
         else:
             value = tuple(line.floats(start, "xyz"[: tag.numbers] if tag.model != "bearing" else ["bearing"]))
-        noise = line.symmetric(start + tag.numbers, tag.rows, "I")
+        noise = line.symmetric(start + tag.numbers, tag.rows, "the information")
         return Edge(tag.model, tag.dim, keys, value, noise, line, self._sensor(line, tag))
 
     def _end(self, line: Line, at: int, kind: Kind, file: int) -> int:
         """The key of an edge's vertex, which must be known and of the right kind."""
         name = line.integer(at, "id")
         others = (other for other in range(1, self.files + 1) if other != file)
-        found = [v for place in (0, file, *others) if (v := self.vertices.get((place, name)))]
+        found = [v for place in (0, -1, file, *others) if (v := self.vertices.get((place, name)))]
         vertex = next((v for v in found if v.kind is kind), found[0] if found else None)
         if vertex is None:
-            letter, count = split_symbol(name) if name >= 0 else ("", name)
-            robot = LOWER_FIRST.robot(letter) if kind.is_pose and fits(count) else None
-            if robot and robot not in self.robots:  # a robot whose file was not given: no estimate, but a name
-                return int(pose_key(robot, count))
-            raise line.error(f"vertex {name} is not defined by any VERTEX line", "id")
+            return self._undefined(line, name, kind, file)
         if vertex.kind is not kind:
             raise line.error(f"vertex {name} is a {vertex.kind.name}, expected a {kind.name}", "id")
         return self._key(vertex)
+
+    def _undefined(self, line: Line, name: int, kind: Kind, file: int) -> int:
+        """The key of a vertex without a line: of a file without any, or of a robot whose file was not given."""
+        letter, count = split_symbol(name)
+        robot = LOWER_FIRST.robot(letter) if letter else file
+        stranger = letter and robot not in self.robots
+        if name < 0 or not fits(count) or not (stranger or file not in self.with_vertices):
+            raise line.error(f"vertex {name} is not defined by any VERTEX line", "id")
+        if not kind.is_pose:
+            return int(landmark_key(self.marks.get(name, count)))
+        if robot is None:
+            raise line.error(f"the letter '{letter}' of a pose's id is no robot's (letters but L)", "id")
+        return int(pose_key(robot, count))
 
     def _sensor(self, line: Line, tag: Tag) -> int | None:
         """The sensor id of an edge; None for a sensor that is the body."""

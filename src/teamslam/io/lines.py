@@ -40,6 +40,12 @@ class Line:
 
     def floats(self, start: int, names: Sequence[str]) -> list[float]:
         """The words from `start` on as finite numbers, one for each name."""
+        try:
+            found = [float(word) for word in self.words[start : start + len(names)]]
+        except ValueError:
+            found = []
+        if len(found) == len(names) and all(abs(value) < LARGEST for value in found):
+            return found
         return [self.float(start + k, name) for k, name in enumerate(names)]
 
     def float(self, at: int, name: str) -> float:
@@ -62,10 +68,9 @@ class Line:
             raise self.error(f"expected a whole number, found '{word[:LONGEST_WORD]}'", name) from None
 
     def symmetric(self, start: int, size: int, name: str) -> Array:
-        """The upper triangle, row by row, as a full symmetric matrix (size, size)."""
+        """An upper triangle, row by row, as a full symmetric matrix (size, size)."""
         matrix = np.zeros((size, size))
-        numbers = self.floats(start, [f"{name}{i + 1}{j + 1}" for i in range(size) for j in range(i, size)])
-        matrix[np.triu_indices(size)] = numbers
+        matrix[np.triu_indices(size)] = self.floats(start, [f"a number of {name}"] * triangle(size))
         return matrix + np.triu(matrix, 1).T
 
 

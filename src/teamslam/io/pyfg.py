@@ -211,7 +211,7 @@ def _sighting(line: Line) -> tuple[tuple[_Name, ...], Edge] | None:
     names = tuple(_name(line, 1 + k, end) for k, end in enumerate(tag.ends))
     if len(set(names)) != len(names):
         raise line.error(f"the measurement goes from {line.words[1]} to itself", "key")
-    covariance = line.symmetric(start + len(FORMS[kind].split()), kind.dof, "C")
+    covariance = line.symmetric(start + len(FORMS[kind].split()), kind.dof, "the covariance")
     return names, Edge(tag.model, tag.dim, (), _row(line, start, kind), covariance, line)
 
 
