@@ -30,6 +30,7 @@ from teamslam.geometry import Array, BoolArray, IntArray, Pose, concatenate
 from teamslam.io.delimited import Columns, read_columns
 from teamslam.io.interpolate import interpolate
 from teamslam.io.options import options_of
+from teamslam.io.stamps import keyframe_of, merge
 from teamslam.io.velocity import VelocityNoise, integrate
 from teamslam.model import (
     Dataset,
@@ -276,26 +277,12 @@ def _never_back(ticks: IntArray, reason: str) -> tuple[BoolArray, str]:
 # --- the tables ---------------------------------------------------------------------------------------------------
 
 
-def _merge(stamps: IntArray, longest: int) -> IntArray:
-    """The keyframes of wanted stamps: the first stamp of each group, groups being at most `longest` ticks long."""
-    heads: list[int] = []
-    for stamp in np.unique(stamps).tolist():
-        if not heads or stamp - heads[-1] > longest:
-            heads.append(stamp)
-    return np.array(heads, np.int64)
-
-
-def _keyframe_of(keyframes: IntArray, ticks: IntArray) -> IntArray:
-    """The keyframe that each wanted stamp belongs to."""
-    return np.asarray(keyframes[np.searchsorted(keyframes, ticks, "right") - 1])
-
-
 def _keyframes(
     odometry: Mapping[int, _Odometry], sightings: Mapping[int, _Sightings], merge_s: float
 ) -> dict[int, IntArray]:
     """Where each robot needs a pose: when it saw something, and when it was seen."""
     return {
-        robot: _merge(
+        robot: merge(
             np.concatenate([sightings[robot].ticks, *(s.ticks[s.subjects == robot] for s in sightings.values())]),
             round(merge_s * TICKS_PER_S),
         )
@@ -327,8 +314,8 @@ def _tables(
         targets = landmark_key(part.subjects)
         for other, frames in keyframes.items():
             of_other = part.subjects == other
-            targets[of_other] = pose_key(other, _keyframe_of(frames, part.ticks[of_other]))
-        keys = np.stack([pose_key(robot, _keyframe_of(ticks, part.ticks)), targets], -1)
+            targets[of_other] = pose_key(other, keyframe_of(frames, part.ticks[of_other]))
+        keys = np.stack([pose_key(robot, keyframe_of(ticks, part.ticks)), targets], -1)
         noise = np.diag(1.0 / np.array(sigmas))[None]
         loss = Loss(options.loss, options.loss_scale)
         tables.append(Table(robot, source, "range_bearing", 2, keys, part.range_bearing, noise, part.ids, loss=loss))

@@ -12,8 +12,8 @@ The true velocity is the command plus white noise, forward, sideways and in turn
     q_turn     = turn^2     + turn_per_radian^2 |w| + turn_per_metre^2 |v|
 
 so an increment's covariance is  int G(s) diag(q) G(s)' ds,  G(s) = [R(th_s), J (p_end - p_s); 0 0 1]: a turn at s
-swings the rest of the way about p_s. It is independent from increment to increment and does not depend on where a way is cut.
-Each arc is integrated by two-point Gauss quadrature (exact for straight pieces).
+swings the rest of the way about p_s. Increments are independent of each other, wherever a way is cut. Each arc is
+integrated by two-point Gauss quadrature (exact for straight pieces).
 """
 
 from dataclasses import dataclass

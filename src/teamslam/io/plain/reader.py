@@ -1,0 +1,311 @@
+"""A team's log from a folder in the plain format."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.geometry import Array, IntArray, Pose
+from teamslam.io.delimited import Csv, read_csv
+from teamslam.io.options import options_of
+from teamslam.io.plain.columns import (
+    components,
+    covariance_columns,
+    dim_of,
+    read_noise,
+    read_poses,
+    read_values,
+    sigma_columns,
+    ticks_of,
+    value_columns,
+)
+from teamslam.io.plain.keyframes import Stream, place_keyframes, without_repeats
+from teamslam.io.plain.known import read_known
+from teamslam.io.plain.roster import Roster
+from teamslam.io.plain.schema import FILE, STREAMS, Log, Team, read_team
+from teamslam.io.velocity import VelocityNoise
+from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, pose_key, robot_of
+
+SENSOR_KEYS = ("x", "y", "z", "theta", "qw", "qx", "qy", "qz")
+KEY_COLUMNS = ("robot", "observer", "from_stamp", "to_stamp", "stamp", "landmark", "other", "other_stamp", "id")
+
+
+@dataclass(frozen=True)
+class Options:
+    """None: the plain format's options stand in team.toml."""
+
+
+def sniff(path: Path) -> bool:
+    """True for a folder with a team.toml."""
+    return (path / FILE).is_file()
+
+
+def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
+    """The team's log in a folder. InputError names file, line and field of what cannot be read, and the cure."""
+    options_of(Options, options, reader="plain")
+    folder = Path(path)
+    team = read_team(folder)
+    roster = Roster(folder, team)
+    tables, streams = _read_logs(folder, team, roster)
+    dropped: list[Dropped] = []
+    if team.keyframes == "interpolate":
+        tables, dropped = _interpolated(folder, team, roster, tables, streams)
+    dropped += [Dropped(left.count, left.reason) for left in team.dropped]
+    dataset = Dataset(roster.dims, tuple(tables), roster.names, dropped=tuple(dropped), origin=str(folder))
+    truth = read_known(folder, team.truth, team, roster, dataset)
+    initial = read_known(folder, team.initial, team, roster, dataset)
+    return replace(dataset, truth=truth, initial=initial, names=roster.names)
+
+
+def _interpolated(
+    folder: Path, team: Team, roster: Roster, tables: list[Table], streams: list[Stream]
+) -> tuple[list[Table], list[Dropped]]:
+    """The tables without repeated rows, all at keyframes, and what was left out."""
+    if not tables and not streams:
+        raise InputError(
+            "there is nothing to read: expected a [[log]] for each CSV file of measurements, with rows in it",
+            path=folder / FILE,
+        )
+    fresh = [without_repeats(table) for table in tables]
+    repeats = sum(map(len, tables)) - sum(map(len, fresh))
+    placed, dropped = place_keyframes(
+        fresh, streams, tolerance=round(team.tolerance_s / team.tick_s), names=roster.names
+    )
+    return placed, [Dropped(repeats, "rows that repeat an earlier one in every number")] * (repeats > 0) + dropped
+
+
+# --- one CSV file -------------------------------------------------------------------------------------------------
+
+
+def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], list[Stream]]:
+    """Every [[log]] as tables and streams, one for each robot that it speaks of."""
+    tables: list[Table] = []
+    streams: list[Stream] = []
+    taken: dict[tuple[int, str], int] = {}  # rows so far of each robot's log of each source
+    for place, log in enumerate(team.log):
+        csv = read_csv(folder / log.file)
+        if log.model in STREAMS:
+            if team.keyframes == "given":
+                raise InputError(
+                    f'{log.model} needs keyframes = "interpolate"', path=folder / FILE, field=f"log[{place}].model"
+                )
+            streams += _read_streams(csv, log, team, roster)
+        else:
+            tables += _read_tables(csv, log, team, roster, taken)
+    return tables, streams
+
+
+def _read_tables(csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tuple[int, str], int]) -> list[Table]:
+    """A file of increments, sightings or fixes."""
+    planar = all(dim == 2 for dim in roster.dims.values())
+    dim = dim_of(csv, log.model, log.dim, 2 if planar else 3)
+    noise = components(log.model, dim)
+    csv.refuse_others([*KEY_COLUMNS, *value_columns(log.model, dim), *sigma_columns(noise), *covariance_columns(noise)])
+    robots = _robots(csv, log, roster)
+    keys, source = _keys(csv, log, team, roster, robots)
+    values = read_values(csv, log.model, dim)
+    whitening = read_noise(csv, noise, log.sigma, log.covariance)
+    given_ids = csv.numbers("id")[:, 0] if csv.has("id") else None
+    if team.keyframes == "interpolate" and source == "odometry" and csv.has("from_stamp"):
+        _check_order(csv, keys)
+    tables = []
+    for robot in _speakers(log, roster, robots):
+        rows = np.flatnonzero(robots == robot)
+        first = taken.get((robot, source), 0)
+        ids = np.arange(first, first + len(rows)) if given_ids is None else _ids(csv, given_ids, rows)
+        taken[robot, source] = max(first + len(rows), int(ids.max(initial=-1)) + 1)
+        tables.append(
+            Table(
+                robot,
+                source,
+                log.model,
+                dim,
+                keys[rows],
+                values[rows],
+                whitening if len(whitening) == 1 and not _has_own_noise(csv, noise) else whitening[rows],
+                ids,
+                sensor=_sensor(csv, log, roster, robot),
+                loss=Loss(log.loss, log.loss_scale),
+            )
+        )
+    return tables
+
+
+def _read_streams(csv: Csv, log: Log, team: Team, roster: Roster) -> list[Stream]:
+    """A file of absolute odometry poses or of velocities."""
+    robots = _robots(csv, log, roster)
+    ticks = ticks_of(csv, "stamp", team.tick_s)
+    noise = (
+        None if log.noise is None else VelocityNoise(**{f: getattr(log.noise, f) for f in log.noise.__struct_fields__})
+    )
+    every = max(round(min(log.every_s, 1e12) / team.tick_s), 1)
+    streams = []
+    for robot in _speakers(log, roster, robots):
+        rows = np.flatnonzero(robots == robot)
+        back = np.flatnonzero(np.diff(ticks[rows]) < 0)
+        if len(back):
+            row = int(rows[back[0] + 1])
+            raise csv.fail(
+                row, f"time goes back by {(ticks[rows[back[0]]] - ticks[row]) * team.tick_s:.6g} s; "
+                "sort the rows by stamp, or leave out those from before the clock was set", "stamp",
+            )  # fmt: skip
+        rows = rows[np.append(np.diff(ticks[rows]) > 0, True)] if len(rows) else rows  # of one stamp, the last row
+        if len(rows) < 2:
+            raise InputError(
+                f"robot {roster.names.robot(robot)} needs at least two rows at different stamps", path=csv.path
+            )
+        common = (robot, log.source or "odometry", ticks[rows], every, Loss(log.loss, log.loss_scale))
+        if noise is not None:
+            csv.refuse_others(["robot", "stamp", "v", "w"])
+            if roster.dims[robot] != 2:
+                raise InputError("velocities v, w are of a robot in the plane (dim = 2)", path=csv.path)
+            streams.append(Stream(*common, velocities=csv.numbers("v", "w")[rows], noise=noise))
+        else:
+            dim = dim_of(csv, "pose", log.dim, 2)
+            csv.refuse_others(["robot", "stamp", *value_columns("pose", dim)])
+            _check_dim(csv, dim, roster, robot)
+            W = read_noise(csv, components("pose", dim), log.sigma, log.covariance)
+            streams.append(Stream(*common, poses=read_poses(csv, dim)[rows], rate_whitening=W))
+    return streams
+
+
+def _check_dim(csv: Csv, dim: int, roster: Roster, robot: int) -> None:
+    if roster.dims[robot] != dim:
+        entry = roster.entries[robot]
+        raise InputError(
+            f"these poses have {dim} dimensions, but robot {entry.name} has dim = {entry.dim} in {FILE}", path=csv.path
+        )
+
+
+# --- columns of names and stamps ----------------------------------------------------------------------------------
+
+
+def _robots(csv: Csv, log: Log, roster: Roster) -> IntArray:
+    """Who logged each row (m,)."""
+    if csv.has("robot"):
+        return roster.robots(csv, "robot")
+    if log.robot is None:
+        raise InputError(
+            "no such column; add it, or write robot = \"...\" into this file's [[log]]",
+            path=csv.path, line=1, field="robot",
+        )  # fmt: skip
+    return np.full(len(csv), roster.number(log.robot), np.int64)
+
+
+def _speakers(log: Log, roster: Roster, robots: IntArray) -> list[int]:
+    """The robots that a file speaks of, in the order of team.toml."""
+    said = set(robots.tolist()) | ({roster.number(log.robot)} if log.robot is not None else set())
+    return [number for number in roster.entries if number in said]
+
+
+def _keys(csv: Csv, log: Log, team: Team, roster: Roster, robots: IntArray) -> tuple[IntArray, str]:
+    """Observer and target of each row, and what the log is called if nobody says."""
+    unary = MODELS[log.model].unary
+    observers = roster.robots(csv, "observer") if csv.has("observer") else robots
+    if csv.has("landmark", "other"):
+        raise InputError(
+            "a file holds sightings of landmarks or of robots, found both columns 'landmark' and 'other'; "
+            "split it into two files",
+            path=csv.path, line=1,
+        )  # fmt: skip
+    if csv.has("landmark"):
+        target, source = roster.landmarks(csv), "fixes" if unary else "landmarks"
+    elif csv.has("other"):
+        stamp = "other_stamp" if csv.has("other_stamp") else "stamp"
+        target, source = pose_key(roster.robots(csv, "other"), ticks_of(csv, stamp, team.tick_s)), "robots"
+    elif unary:
+        target, source = pose_key(observers, ticks_of(csv, "stamp", team.tick_s)), "fixes"
+    elif csv.has("from_stamp") or csv.has("to_stamp"):
+        target, source = pose_key(observers, ticks_of(csv, "to_stamp", team.tick_s)), "odometry"
+    else:
+        raise InputError(
+            f"a {log.model} needs to say of what: a column 'landmark', 'other' (a robot), or from_stamp and to_stamp; "
+            f"found {', '.join(csv.cells)}",
+            path=csv.path, line=1,
+        )  # fmt: skip
+    source = log.source or source
+    if unary:
+        return target[:, None], source
+    stamp = "from_stamp" if csv.has("from_stamp") else "stamp"
+    observer = pose_key(observers, ticks_of(csv, stamp, team.tick_s))
+    itself = np.flatnonzero(observer == target)
+    if len(itself):
+        raise csv.fail(int(itself[0]), "a pose cannot be measured from itself; check robot and stamps")
+    return np.stack([observer, target], -1), source
+
+
+def _check_order(csv: Csv, keys: IntArray) -> None:
+    """InputError where an increment goes back in time or overlaps one before it."""
+    start, stop = keys.T
+    back = np.flatnonzero(stop <= start)
+    if len(back):
+        raise csv.fail(int(back[0]), "to_stamp is not after from_stamp; an increment leads forward in time", "to_stamp")
+    order = np.lexsort((start, robot_of(start)))
+    same = np.all(keys[order[1:]] == keys[order[:-1]], -1)  # repeated rows are counted later
+    late = np.flatnonzero(
+        (start[order[1:]] < stop[order[:-1]]) & (robot_of(start[order[1:]]) == robot_of(stop[order[:-1]])) & ~same
+    )
+    if len(late):
+        row, earlier = int(order[late[0] + 1]), int(order[late[0]])
+        raise csv.fail(
+            row,
+            f"overlaps the increment on line {int(csv.lines[earlier])}; each moment belongs to one row",
+            "from_stamp",
+        )
+
+
+def _ids(csv: Csv, given: Array, rows: IntArray) -> IntArray:
+    found = given[rows]
+    bad = np.flatnonzero((found < 0) | (found != np.round(found)) | (found >= 2.0**53))
+    if len(bad):
+        raise csv.fail(int(rows[bad[0]]), f"expected a whole number of 0 or more, found {found[bad[0]]:g}", "id")
+    _, first = np.unique(found, return_index=True)
+    again = np.setdiff1d(np.arange(len(found)), first)
+    if len(again):
+        raise csv.fail(int(rows[again[0]]), f"the id {found[again[0]]:g} stands twice; ids are unique", "id")
+    return found.astype(np.int64)
+
+
+def _has_own_noise(csv: Csv, names: tuple[str, ...]) -> bool:
+    return csv.has(*sigma_columns(names)) or csv.has(*covariance_columns(names))
+
+
+# --- sensors ------------------------------------------------------------------------------------------------------
+
+
+def _sensor(csv: Csv, log: Log, roster: Roster, robot: int) -> Pose | None:
+    """The sensor's pose in the robot's body."""
+    entry, file = roster.entries[robot], csv.path.parent / FILE
+    if log.sensor is None:
+        return None
+    if isinstance(log.sensor, str):
+        if log.sensor not in entry.sensors:
+            raise InputError(
+                f"robot {entry.name} has no sensor '{log.sensor}'; it has {', '.join(entry.sensors) or 'none'}",
+                path=file, field=f"{log.file}: sensor",
+            )  # fmt: skip
+        return _sensor_pose(entry.sensors[log.sensor], file, f"{entry.name}: sensors.{log.sensor}")
+    return _sensor_pose(log.sensor, file, f"{log.file}: sensor")
+
+
+def _sensor_pose(given: Mapping[str, float], path: Path, place: str) -> Pose:
+    """x, y, theta in the plane; with z or a quaternion, in space. What is not said is 0."""
+    unknown = [name for name in given if name not in SENSOR_KEYS]
+    if unknown:
+        raise InputError(f"unknown key '{unknown[0]}'; known are {', '.join(SENSOR_KEYS)}", path=path, field=place)
+    if not all(np.isfinite(value) for value in given.values()):
+        raise InputError("expected finite numbers", path=path, field=place)
+    x, y, z, theta = (given.get(name, 0.0) for name in ("x", "y", "z", "theta"))
+    quaternion = np.array([given.get(name, 0.0) for name in ("qw", "qx", "qy", "qz")])
+    turned = any(name in given for name in ("qw", "qx", "qy", "qz"))
+    if not turned and "z" not in given:
+        return Pose.from_xytheta(np.array([x, y, theta]))
+    if turned and "theta" in given:
+        raise InputError("give theta or a quaternion, not both", path=path, field=place)
+    if turned and abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-3:
+        raise InputError("a unit quaternion (qw, qx, qy, qz) has length 1", path=path, field=place)
+    if not turned:
+        quaternion = np.array([np.cos(0.5 * theta), 0.0, 0.0, np.sin(0.5 * theta)])
+    return Pose.from_quaternion(np.array([x, y, z]), quaternion)

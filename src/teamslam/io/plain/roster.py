@@ -1,0 +1,74 @@
+"""Who is in the team: the names that files use, and the numbers that stand for them."""
+
+import difflib
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.geometry import IntArray
+from teamslam.io.delimited import Csv
+from teamslam.io.plain.schema import FILE, Robot, Team, numbers_of
+from teamslam.model import Names, landmark_key, landmark_number
+
+
+class Roster:
+    """Numbers by name, of the robots in team.toml and of the landmarks as files mention them."""
+
+    def __init__(self, folder: Path, team: Team) -> None:
+        self._file, self._team = folder / FILE, team
+        self._robots = {robot.name: number for robot, number in zip(team.robot, numbers_of(team), strict=True)}
+        self.entries: dict[int, Robot] = {self._robots[robot.name]: robot for robot in team.robot}
+        self._landmarks: dict[str, int] = {}
+        self._called: dict[int, str] = {}
+        for name in team.landmarks:
+            self._number_of(name)
+
+    @property
+    def dims(self) -> dict[int, int]:
+        """The dimension that each robot moves in, by number."""
+        return {number: robot.dim for number, robot in self.entries.items()}
+
+    @property
+    def names(self) -> Names:
+        """What everybody is called."""
+        robots = {number: robot.name for number, robot in self.entries.items()}
+        landmarks = {number: name for number, name in self._called.items() if name != str(number)}
+        return Names(robots, landmarks, self._team.tick_s)
+
+    def number(self, robot: str) -> int:
+        """The number of a robot of team.toml."""
+        return self._robots[robot]
+
+    def robots(self, csv: Csv, column: str) -> IntArray:
+        """A column of robots' names as numbers (m,). InputError for a name that is not in team.toml."""
+        words = csv.words(column)
+        for row, word in enumerate(words):
+            if word not in self._robots:
+                near = difflib.get_close_matches(word, list(self._robots), 1)
+                hint = f"did you mean '{near[0]}'?" if near else f"team.toml has {', '.join(self._robots)}"
+                raise csv.fail(row, f"unknown robot '{word}'; {hint} A new robot needs a [[robot]] there", column)
+        return np.array([self._robots[word] for word in words], np.int64)
+
+    def landmarks(self, csv: Csv) -> IntArray:
+        """The column `landmark` as keys (m,)."""
+        return landmark_key(np.array([self._number_of(word) for word in csv.words("landmark")], np.int64))
+
+    def _number_of(self, name: str) -> int:
+        if name not in self._landmarks:
+            given = self._team.landmarks.get(name)
+            number = landmark_number(name) if given is None else given
+            other = self._called.setdefault(number, name)
+            if other != name and not (_is_count(name) and _is_count(other)):
+                raise InputError(
+                    f"the landmarks '{other}' and '{name}' both have the number {number}; give one of them another",
+                    path=self._file,
+                    field="landmarks",
+                )
+            self._landmarks[name] = number
+        return self._landmarks[name]
+
+
+def _is_count(name: str) -> bool:
+    """Names like 7 and 07, which mean one landmark."""
+    return name.isascii() and name.isdigit()
