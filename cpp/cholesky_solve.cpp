@@ -145,11 +145,12 @@ int32_t Cholesky::eliminate(const double* values, const double* damping, double*
 void Cholesky::back_substitute(const double* last_solution, double* rhs_inout) const {
   const Symbolic& s = *symbolic_;
   const size_t interiors = s.front.size() - (s.last_scalars > 0 ? 1 : 0);
-  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), rhs_inout, 1, Result::natural, [&](auto& sweep, double* y) {
-    sweep.forward(y, interiors);
-    std::copy(last_solution, last_solution + s.last_scalars, y + (s.scalars - s.last_scalars));
-    sweep.backward(y, interiors);
-  });
+  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), rhs_inout, 1, Result::natural,
+               [&](auto& sweep, double* y) {
+                 sweep.forward(y, interiors);
+                 std::copy(last_solution, last_solution + s.last_scalars, y + (s.scalars - s.last_scalars));
+                 sweep.backward(y, interiors);
+               });
 }
 
 }  // namespace teamslam

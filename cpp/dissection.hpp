@@ -27,11 +27,11 @@ struct Separation {
 // Neither side may hold more than this part of the weight.
 inline int64_t side_limit(int64_t total) { return total * 3 / 5; }
 
-// Whether a is better than b: balanced first, then lighter separators, then more equal sides.
+// Whether a is better than b: balanced first, then by separator weight over the product of both sides' weights.
 bool better(const Separation& a, const Separation& b, int64_t total);
 
-// Improves a separation by pairs of passes of moves out of the separator (Fiduccia and Mattheyses 1982, on vertices as in
-// Hendrickson and Rothberg 1998).
+// Improves a separation by pairs of passes of moves out of the separator (Fiduccia and Mattheyses 1982, on vertices
+// as in Hendrickson and Rothberg 1998).
 void refine(const WeightedGraph& graph, Separation& separation, int passes);
 
 // A good separation of the graph by coarsening, separating the coarsest graph and refining on the way back.

@@ -1,6 +1,7 @@
 // Geometric bisection: see dissection.hpp. Maps are nearly planar and sightings short, so a straight line through the
 // map crosses few of them. Lines of several directions are swept over the map, and the one of least ratio cut
-// (edge weight crossed over the product of both sides' weights), within the balance allowed, is made a vertex separator and refined.
+// (edge weight crossed over the product of both sides' weights), within the balance allowed, is made a vertex separator
+// and refined.
 #include <algorithm>
 #include <numeric>
 

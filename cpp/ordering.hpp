@@ -30,9 +30,9 @@ int64_t dense_degree(int32_t vertices);
 constexpr uint8_t never_eliminated = 255;
 std::vector<int32_t> minimum_degree(const Graph& graph, const std::vector<uint8_t>& stage);
 
-// Nested dissection by multilevel vertex separators, minimum degree within. With
-// `positions` (n x 3, row-major) the separators start from geometric bisection instead of coarsening. Vertices marked in
-// `frozen` (may be empty) are absent from the result.
+// Nested dissection by multilevel vertex separators, minimum degree within. With `positions` (n x 3, row-major) the
+// separators start from geometric bisection instead of coarsening. Vertices marked in `frozen` (may be empty) are
+// absent from the result.
 std::vector<int32_t> nested_dissection(const Graph& graph, const std::vector<uint8_t>& frozen, const double* positions,
                                        int threads);
 

@@ -93,7 +93,8 @@ struct Symbolic {
   int64_t scalars = 0;
   int64_t last_scalars = 0;
   // Update matrices live on stacks: 0 and 1 in a worker's own memory (fronts of even and odd depth, so that a front and
-  // its children never share one), 2 holds the results of tasks, 3 and 4 are as 0 and 1 for the fronts above the tasks and the results of late subtrees.
+  // its children never share one), 2 holds the results of tasks, 3 and 4 are as 0 and 1 for the fronts above the tasks
+  // and the results of late subtrees.
   int64_t stack_size[5] = {0, 0, 0, 0, 0};
   int32_t largest_front = 0;  // columns + rows
   double nonzeros = 0, flops = 0;

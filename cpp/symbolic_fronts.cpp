@@ -1,168 +1,19 @@
-// From elimination tree to fronts: amalgamation, layout and the index maps of the numeric phase.
-//
-// Columns with the same structure make a fundamental front. A child is joined to its parent when a simple model of the
-// time says that the saved assembly outweighs the arithmetic on the zeros that it adds (relaxed amalgamation, after
-// Ashcraft and Grimes 1989). In SLAM graphs most fundamental fronts are one pose or landmark, so this matters much.
+// Layout of the fronts: memory and the index maps of the numeric phase, all prepared once.
 #include <algorithm>
 #include <numeric>
 
-#include "symbolic.hpp"
+#include "symbolic_steps.hpp"
 
 namespace teamslam {
 namespace {
 
 constexpr int32_t none = -1;
 
-// Nanoseconds to assemble and factor a front of `columns` pivots and `total` scalars, as measured: a fixed cost, the
-// memory touched, and arithmetic at a rate that small fronts do not reach.
-double front_time(double columns, double total) {
-  const double rows = total - columns;
-  double flops = 0;
-  flops += columns * columns * columns / 3 + columns * columns * rows + columns * rows * rows;
-  return 200 + 0.4 * total * columns + 0.8 * rows * rows + flops * 0.08;
-}
-
-struct Node {
-  int32_t parent = none;
-  int32_t columns = 0;  // scalars
-  int64_t total = 0;    // scalars
-  bool joined = false;  // to its parent
-};
-
-struct FrontTree {
-  std::vector<int32_t> first;  // first position of each fundamental front, and n
-  std::vector<Node> node;
-};
-
-FrontTree fundamental_fronts(const Graph& graph, const Elimination& elimination, int32_t first_last) {
-  const auto n = static_cast<int32_t>(elimination.order.size());
-  FrontTree tree;
-  std::vector<int32_t> owner(n);
-  for (int32_t j = 0; j < n; ++j) {
-    const int32_t w = graph.weight[elimination.order[j]];
-    const bool joins = j > 0 && (j > first_last || (j != first_last && elimination.parent[j - 1] == j &&
-                                                    elimination.count[j - 1] -
-                                                            graph.weight[elimination.order[j - 1]] ==
-                                                        elimination.count[j]));
-    if (!joins) {
-      tree.first.push_back(j);
-      tree.node.push_back({none, 0, elimination.count[j], false});
-    }
-    tree.node.back().columns += w;
-    owner[j] = static_cast<int32_t>(tree.node.size()) - 1;
-  }
-  tree.first.push_back(n);
-  for (size_t s = 0; s < tree.node.size(); ++s) {
-    const int32_t up = elimination.parent[tree.first[s + 1] - 1];
-    if (up != none) tree.node[s].parent = owner[up];
-  }
-  if (first_last < n) tree.node.back().total = tree.node.back().columns;
-  return tree;
-}
-
 using Lists = std::vector<std::vector<int32_t>>;
 
-// Joins children to parents, leaves first. Nothing is joined to the front of the `last` variables.
-void amalgamate(FrontTree& tree, bool has_last) {
-  const auto count = static_cast<int32_t>(tree.node.size());
-  std::vector<int32_t> head(count, none), next(count, none);
-  std::vector<int32_t> candidates;
-  for (int32_t s = 0; s < count; ++s) {
-    Node& parent = tree.node[s];
-    candidates.clear();
-    for (int32_t c = head[s]; c != none; c = next[c]) candidates.push_back(c);
-    std::stable_sort(candidates.begin(), candidates.end(), [&](int32_t a, int32_t b) {
-      return tree.node[a].total - tree.node[a].columns > tree.node[b].total - tree.node[b].columns;
-    });
-    for (int32_t c : candidates) {
-      if (has_last && s == count - 1) break;
-      const Node& child = tree.node[c];
-      const double apart = front_time(child.columns, static_cast<double>(child.total)) +
-                           front_time(parent.columns, static_cast<double>(parent.total));
-      const double together =
-          front_time(child.columns + parent.columns, static_cast<double>(child.columns + parent.total));
-      if (together > apart) continue;
-      parent.columns += child.columns;
-      parent.total += child.columns;
-      tree.node[c].joined = true;
-    }
-    if (parent.parent != none) {
-      next[s] = head[parent.parent];
-      head[parent.parent] = s;
-    }
-  }
-}
-
-// The joined fronts as a tree of their own: pivot positions of each, and parents; still in a valid bottom-up order.
-struct Joined {
-  Lists pivots;
-  std::vector<int32_t> parent;
-  std::vector<int64_t> columns, total;
-};
-
-Joined join(const FrontTree& tree) {
-  const auto count = static_cast<int32_t>(tree.node.size());
-  std::vector<int32_t> target(count), index(count, none);
-  for (int32_t s = count - 1; s >= 0; --s) target[s] = tree.node[s].joined ? target[tree.node[s].parent] : s;
-  Joined result;
-  for (int32_t s = 0; s < count; ++s) {
-    if (target[s] != s) continue;
-    index[s] = static_cast<int32_t>(result.parent.size());
-    result.parent.push_back(none);
-    result.columns.push_back(tree.node[s].columns);
-    result.total.push_back(tree.node[s].total);
-  }
-  result.pivots.resize(result.parent.size());
-  for (int32_t s = 0; s < count; ++s) {
-    auto& list = result.pivots[index[target[s]]];
-    for (int32_t j = tree.first[s]; j < tree.first[s + 1]; ++j) list.push_back(j);
-    if (target[s] == s && tree.node[s].parent != none) result.parent[index[s]] = index[target[tree.node[s].parent]];
-  }
-  return result;
-}
-
-// Postorder in which the children that need most memory come first (Liu 1986).
-std::vector<int32_t> visiting_order(const Joined& tree) {
-  const auto count = static_cast<int32_t>(tree.parent.size());
-  Lists children(count);
-  std::vector<int32_t> roots;
-  std::vector<int64_t> peak(count, 0), update(count);
-  for (int32_t s = 0; s < count; ++s) {
-    const int64_t rows = tree.total[s] - tree.columns[s];
-    update[s] = rows * rows;
-    auto& list = children[s];
-    std::stable_sort(list.begin(), list.end(),
-                     [&](int32_t a, int32_t b) { return peak[a] - update[a] > peak[b] - update[b]; });
-    int64_t held = 0;
-    for (int32_t c : list) {
-      peak[s] = std::max(peak[s], held + peak[c]);
-      held += update[c];
-    }
-    peak[s] = std::max(peak[s], held + update[s]);
-    if (tree.parent[s] == none) {
-      roots.push_back(s);
-    } else {
-      children[tree.parent[s]].push_back(s);
-    }
-  }
-  std::vector<int32_t> result, stack, seen(count, 0);
-  for (int32_t root : roots) {
-    stack.push_back(root);
-    while (!stack.empty()) {
-      const int32_t s = stack.back();
-      if (seen[s] < static_cast<int32_t>(children[s].size())) {
-        stack.push_back(children[s][seen[s]++]);
-      } else {
-        stack.pop_back();
-        result.push_back(s);
-      }
-    }
-  }
-  return result;
-}
-
 // Pivots, parents and children of every front.
-void lay_out_tree(Symbolic& s, const Joined& tree, const std::vector<int32_t>& visit, const Elimination& elimination) {
+void lay_out_tree(Symbolic& s, const FrontTree& tree, const std::vector<int32_t>& visit,
+                  const Elimination& elimination) {
   const auto count = static_cast<int32_t>(visit.size());
   std::vector<int32_t> place(count);
   for (int32_t f = 0; f < count; ++f) place[visit[f]] = f;
@@ -330,85 +181,16 @@ void lay_out_scatter(Symbolic& s, const BlockPattern& pattern, const Lists& rows
   }
 }
 
-// Cuts the tree into subtrees small enough to share out; the same cut for any number of threads.
-void cut_tasks(Symbolic& s) {
-  const auto count = static_cast<int32_t>(s.front.size());
-  std::vector<double> work(count, 0);
-  std::vector<int32_t> first(count);
-  double total = 0;
-  for (int32_t f = 0; f < count; ++f) first[f] = f;
-  for (int32_t f = 0; f < count; ++f) {
-    const Front& front = s.front[f];
-    const double own = front_time(front.columns, front.columns + front.rows);
-    work[f] += own;
-    total += own;
-    if (front.parent != none) {
-      work[front.parent] += work[f];
-      first[front.parent] = std::min(first[front.parent], first[f]);
-    }
-  }
-  const double worth_sharing = 1e6;  // ns: below this a second thread costs more than it gives
-  const double grain = std::max(total / 24, 5e4);
-  if (total < worth_sharing) {
-    if (count > 0) s.task.push_back({0, count, total});
-    return;
-  }
-  // Where a long chain of fronts carries many small branches, the results of all branches together would take more
-  // memory than the factor. Such branches wait until their parent's turn.
-  const double crumb = grain / 8;
-  std::vector<std::vector<Task>> late(s.front.size());
-  for (int32_t f = 0; f < count; ++f) {
-    const int32_t parent = s.front[f].parent;
-    const Task task{first[f], f + 1, work[f]};
-    if (work[f] > grain) {
-      const auto start = static_cast<int32_t>(s.late.size());
-      s.late.insert(s.late.end(), late[f].begin(), late[f].end());
-      s.top.push_back({f, start, static_cast<int32_t>(s.late.size())});
-    } else if (parent == none || (work[parent] > grain && work[f] > crumb)) {
-      s.task.push_back(task);
-    } else if (work[parent] > grain) {
-      late[parent].push_back(task);
-    }
-  }
-}
-
-// Update matrices on their stacks, by playing the numeric phase through.
-void lay_out_stacks(Symbolic& s) {
-  int64_t height[5] = {0, 0, 0, 0, 0};
-  const auto place = [&](int32_t f, int32_t stack) {
-    Front& front = s.front[f];
-    for (int64_t c = front.child_start; c < front.child_end; ++c) {
-      const Front& child = s.front[s.child[c]];
-      if (child.stack != 2) height[child.stack] -= child.update_size();
-    }
-    front.stack = stack;
-    front.update = height[stack];
-    height[stack] += front.update_size();
-    s.stack_size[stack] = std::max(s.stack_size[stack], height[stack]);
-  };
-  const auto place_task = [&](const Task& task, int32_t result) {
-    for (int32_t f = task.first; f < task.end; ++f) place(f, f == task.end - 1 ? result : s.front[f].depth & 1);
-  };
-  for (const Task& task : s.task) place_task(task, 2);
-  for (const Step& step : s.top) {
-    const int32_t stack = 3 + (s.front[step.front].depth & 1);
-    for (int32_t k = step.late_start; k < step.late_end; ++k) place_task(s.late[k], 7 - stack);
-    place(step.front, stack);
-  }
-}
-
 }  // namespace
 
 Symbolic analyse(const BlockPattern& pattern, const Graph& graph, const Elimination& elimination, int32_t last_count) {
   const int32_t n = pattern.variables();
-  FrontTree fundamental = fundamental_fronts(graph, elimination, n - last_count);
-  amalgamate(fundamental, last_count > 0);
-  const Joined joined = join(fundamental);
+  const FrontTree tree = front_tree(graph, elimination, last_count);
   Symbolic s;
   s.dof = pattern.dof;
   s.scalar_start = pattern.scalar_start;
   s.scalars = pattern.scalars();
-  lay_out_tree(s, joined, visiting_order(joined), elimination);
+  lay_out_tree(s, tree, visiting_order(tree), elimination);
   std::vector<int64_t> scalar_at(static_cast<size_t>(n) + 1, 0);
   s.natural_scalar.reserve(static_cast<size_t>(s.scalars));
   for (int32_t p = 0; p < n; ++p) {
@@ -420,8 +202,7 @@ Symbolic analyse(const BlockPattern& pattern, const Graph& graph, const Eliminat
   const Lists rows = front_rows(s, graph);
   lay_out_fronts(s, rows, scalar_at);
   lay_out_scatter(s, pattern, rows, scalar_at);
-  cut_tasks(s);
-  lay_out_stacks(s);
+  lay_out_tasks(s);
   return s;
 }
 
