@@ -1,4 +1,4 @@
-"""Teams' logs for the tests of file formats: any mix of models that a format can hold, and what 'the same log' means."""
+"""Logs for the tests of file formats: any mix of models that a format can hold, and what 'the same log' means."""
 
 from dataclasses import dataclass
 

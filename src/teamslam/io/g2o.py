@@ -24,7 +24,8 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
 from teamslam.io.charts import inverse_chart, whitening_of_information
-from teamslam.io.g2o_tags import EDGES, NOTE, PARAMETERS, VERTICES, Tag
+from teamslam.io.delimited import read_text
+from teamslam.io.g2o_tags import EDGES, FORMS, NOTE, PARAMETERS, VERTICES, Tag
 from teamslam.io.g2o_writer import write
 from teamslam.io.graph import Edge, Whitener, matching, robots_of, tables_of, values_of
 from teamslam.io.lines import Line, read_lines, read_pose, triangle
@@ -81,7 +82,8 @@ class _Graph:
 
     vertices: dict[tuple[int, int], _Vertex] = field(default_factory=dict)  # by place (`_place`) and id
     edges: list[tuple[int, Line]] = field(default_factory=list)  # with the number of the file
-    sensors: dict[tuple[int, int], Pose] = field(default_factory=dict)  # by dimension and id
+    sensors: list[Pose] = field(default_factory=list)
+    parameters: dict[tuple[int, int, int], int] = field(default_factory=dict)  # file, dimension, id -> place in sensors
     robots: dict[int, str] = field(default_factory=dict)
     marks: dict[int, int] = field(default_factory=dict)  # the number of each landmark's id
     with_vertices: set[int] = field(default_factory=set)  # files that define vertices
@@ -111,9 +113,7 @@ class _Graph:
     def _add_vertex(self, line: Line, own: set[tuple[bool, int]]) -> None:
         kind = VERTICES[line.tag]
         self.with_vertices.add(self.files)
-        form = {Kind.POSE2: "x y theta", Kind.POSE3: "x y z qx qy qz qw", Kind.POINT2: "x y", Kind.POINT3: "x y z"}[
-            kind
-        ]
+        form = FORMS[kind]
         line.check_length(1 + len(form.split()), form=f"{line.tag} id {form}")
         name = line.integer(0, "id")
         letter, count = split_symbol(name)
@@ -144,7 +144,12 @@ class _Graph:
         dim = PARAMETERS[line.tag]
         form = "x y theta" if dim == 2 else "x y z qx qy qz qw"
         line.check_length(1 + len(form.split()), form=f"{line.tag} id {form}")
-        self.sensors.setdefault((dim, line.integer(0, "id")), read_pose(line, 1, dim))
+        sensor = read_pose(line, 1, dim)
+        same = (k for k, s in enumerate(self.sensors) if s.dim == dim and not np.any(s.minus(sensor)))
+        place = next(same, len(self.sensors))
+        self.sensors += [sensor] if place == len(self.sensors) else []
+        if self.parameters.setdefault((self.files, dim, line.integer(0, "id")), place) != place:
+            raise line.error(f"parameter {line.words[0]} is defined twice in this file, and differently", "id")
 
     def _key(self, vertex: _Vertex) -> int:
         if vertex.kind.is_pose:
@@ -162,12 +167,9 @@ class _Graph:
         edges, twice = self._edges()
         dims = robots_of(edges, self.robots)
         names = self.names or Names({robot: self._called(robot) for robot in dims}, {}, 1.0)
-        numbers = {(dim, name): k for k, (dim, name) in enumerate(self.sensors)}
-        placed = [e if e.sensor is None else replace(e, sensor=numbers[e.dim, e.sensor]) for e in edges]
-        sensors = {k: self.sensors[name] for name, k in numbers.items()}
-        dataset = Dataset(dims, tables_of(placed, _whitener(half_angle), sensors), names, origin=origin)
+        dataset = Dataset(dims, tables_of(edges, _whitener(half_angle), self.sensors), names, origin=origin)
         initial, alone = matching(self._estimate(), dataset)
-        return Dataset(dims, dataset.tables, names, initial=initial, dropped=self._dropped(twice, alone), origin=origin)
+        return replace(dataset, initial=initial, dropped=self._dropped(twice, alone))
 
     def _called(self, robot: int) -> str:
         """A robot's name: its letter or its file's name."""
@@ -208,7 +210,7 @@ class _Graph:
         else:
             value = tuple(line.floats(start, "xyz"[: tag.numbers] if tag.model != "bearing" else ["bearing"]))
         noise = line.symmetric(start + tag.numbers, tag.rows, "the information")
-        return Edge(tag.model, tag.dim, keys, value, noise, line, self._sensor(line, tag))
+        return Edge(tag.model, tag.dim, keys, value, noise, line, self._sensor(line, tag, file))
 
     def _end(self, line: Line, at: int, kind: Kind, file: int) -> int:
         """The key of an edge's vertex, which must be known and of the right kind."""
@@ -235,19 +237,19 @@ class _Graph:
             raise line.error(f"the letter '{letter}' of a pose's id is no robot's (letters but L)", "id")
         return int(pose_key(robot, count))
 
-    def _sensor(self, line: Line, tag: Tag) -> int | None:
-        """The sensor id of an edge; None for a sensor that is the body."""
+    def _sensor(self, line: Line, tag: Tag, file: int) -> int | None:
+        """The place of an edge's sensor among all; None for a sensor that is the body."""
         if not tag.parameter:
             return None
         name = line.integer(len(tag.ends), "parameter")
-        if (tag.dim, name) not in self.sensors:
+        place = self.parameters.get((file, tag.dim, name))
+        if place is None:
             raise line.error(f"parameter {name} is not defined by any PARAMS_SE{tag.dim}OFFSET line", "parameter")
-        sensor = self.sensors[tag.dim, name]
-        if not np.any(sensor.minus(Pose.identity(tag.dim))):
+        if not np.any(self.sensors[place].minus(Pose.identity(tag.dim))):
             return None
         if len(tag.ends) == 1:
             raise line.error("an absolute measurement by a sensor that is not at the body's origin is not supported")
-        return name
+        return place
 
     def _dropped(self, twice: int, alone: int) -> tuple[Dropped, ...]:
         counts = [
@@ -287,8 +289,7 @@ def _whitener(half_angle: bool) -> Whitener:
 
 def _noted(path: Path) -> Names | None:
     """The names that a file of teamslam's own making carries in a comment."""
-    with path.open(encoding="utf-8") as file:
-        first = file.readline()
+    first = read_text(path).partition("\n")[0]
     if not first.startswith(NOTE):
         return None
     try:

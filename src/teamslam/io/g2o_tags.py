@@ -35,6 +35,8 @@ VERTICES: dict[str, Kind] = {
     "VERTEX_TRACKXYZ": Kind.POINT3,
 }
 
+FORMS = {Kind.POSE2: "x y theta", Kind.POSE3: "x y z qx qy qz qw", Kind.POINT2: "x y", Kind.POINT3: "x y z"}
+
 EDGES: dict[str, Tag] = {
     "EDGE_SE2": Tag("relative_pose", 2, (Kind.POSE2, Kind.POSE2)),
     "EDGE_SE3:QUAT": Tag("relative_pose", 3, (Kind.POSE3, Kind.POSE3)),

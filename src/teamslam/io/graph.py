@@ -38,7 +38,7 @@ class Place(Protocol):
 @dataclass(frozen=True)
 class Edge:
     """One measurement as a file states it: model and dimension as in MODELS, the keys, the value, the noise matrix (in
-    the file's own convention), and where it stands. `sensor` names one of the file's sensor poses."""
+    the file's own convention), and where it stands. `sensor` is the place of its sensor's pose among all."""
 
     model: str
     dim: int
@@ -53,7 +53,7 @@ Whitener = Callable[[str, int, Array, Array], Array]
 """(model, dim, values (m, size), noise (m, r, r)) -> whitening (m, r, r); ModelError names the row at fault."""
 
 
-def tables_of(edges: Sequence[Edge], whitener: Whitener, sensors: dict[int, Pose] | None = None) -> tuple[Table, ...]:
+def tables_of(edges: Sequence[Edge], whitener: Whitener, sensors: Sequence[Pose] = ()) -> tuple[Table, ...]:
     """The edges as tables, one for each robot, source, model, dimension and sensor, in order of appearance.
 
     InputError names the line of a noise matrix that is none.
@@ -85,7 +85,7 @@ def tables_of(edges: Sequence[Edge], whitener: Whitener, sensors: dict[int, Pose
                 values=values,
                 whitening=whitening,
                 ids=ids[rows],
-                sensor=None if sensor is None or sensors is None else sensors[sensor],
+                sensor=None if sensor is None else sensors[sensor],
             )
         )
     return tuple(tables)
