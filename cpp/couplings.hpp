@@ -19,7 +19,7 @@ class Couplings {
     column_.push_back(a > b ? b : a);
     return static_cast<int64_t>(row_.size()) - 1;
   }
-  void reserve(int64_t slots) { row_.reserve(slots), column_.reserve(slots); }
+  void reserve(int64_t more) { row_.reserve(row_.size() + more), column_.reserve(column_.size() + more); }
 
   // The pattern with all diagonal blocks and one block for every pair, and the block of every slot.
   BlockPattern pattern(std::vector<int32_t> dof, std::vector<int64_t>& block_of_slot) const;

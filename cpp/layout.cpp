@@ -3,7 +3,6 @@
 namespace teamslam {
 
 namespace {
-constexpr int32_t nobody = -1;
 constexpr int64_t no_copy = -1;
 constexpr int64_t largest_block = 36;  // pose by pose in space
 }  // namespace
@@ -35,28 +34,18 @@ int64_t Layout::spill(int64_t target, int64_t length) {
   return spills_.back().source;
 }
 
-int64_t Layout::block(int64_t block) {
-  if (owner_[block] == nobody) owner_[block] = chunk_;
-  const int64_t start = pattern_.value_start[block];
-  if (!placing_ || owner_[block] == chunk_) return start;
+int64_t Layout::block_copy(int64_t block) {
   if (block_copy_[block] == no_copy) {
+    const int64_t start = pattern_.value_start[block];
     block_copy_[block] = spill(start, pattern_.value_start[block + 1] - start);
     copied_blocks_.push_back(block);
   }
   return block_copy_[block];
 }
 
-int64_t Layout::diagonal(int32_t free) { return free == held ? sink_ : block(pattern_.column_start[free]); }
-
-int64_t Layout::coupling(int64_t slot) { return slot == held ? sink_ : block(block_of_slot_[slot]); }
-
-int64_t Layout::gradient(int32_t free) {
-  if (free == held) return sink_;
-  const int64_t diagonal = pattern_.column_start[free], start = pattern_.size() + pattern_.scalar_start[free];
-  if (owner_[diagonal] == nobody) owner_[diagonal] = chunk_;
-  if (!placing_ || owner_[diagonal] == chunk_) return start;
+int64_t Layout::gradient_copy(int32_t free) {
   if (gradient_copy_[free] == no_copy) {
-    gradient_copy_[free] = spill(start, pattern_.dof[free]);
+    gradient_copy_[free] = spill(pattern_.size() + pattern_.scalar_start[free], pattern_.dof[free]);
     copied_gradients_.push_back(free);
   }
   return gradient_copy_[free];

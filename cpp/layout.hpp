@@ -23,9 +23,14 @@ class Layout {
   void claim(int32_t chunk);
   void place(int32_t chunk);
 
-  int64_t diagonal(int32_t free);  // where the diagonal block of a free variable begins; a sink if it is held
-  int64_t gradient(int32_t free);
-  int64_t coupling(int64_t slot);  // where the block of a slot begins; a sink if held
+  // Where the diagonal block of a free variable begins, its part of g, the block of a slot; a sink if held.
+  int64_t diagonal(int32_t free) { return free == held ? sink_ : block(pattern_.column_start[free]); }
+  int64_t gradient(int32_t free) {
+    if (free == held) return sink_;
+    if (mine(pattern_.column_start[free])) return pattern_.size() + pattern_.scalar_start[free];
+    return gradient_copy(free);
+  }
+  int64_t coupling(int64_t slot) { return slot == held ? sink_ : block(block_of_slot_[slot]); }
 
   struct Spill {
     int64_t target, source, length;
@@ -34,7 +39,15 @@ class Layout {
   int64_t size() const { return size_; }                        // of the whole array
 
  private:
-  int64_t block(int64_t block);
+  static constexpr int32_t nobody = -1;
+
+  bool mine(int64_t block) {
+    if (owner_[block] == nobody) owner_[block] = chunk_;
+    return !placing_ || owner_[block] == chunk_;
+  }
+  int64_t block(int64_t block) { return mine(block) ? pattern_.value_start[block] : block_copy(block); }
+  int64_t block_copy(int64_t block);
+  int64_t gradient_copy(int32_t free);
   int64_t spill(int64_t target, int64_t length);
 
   const BlockPattern& pattern_;

@@ -1,12 +1,10 @@
 // Poses in D dimensions: load (and lift) them from the state, compose, see a point from one.
 #pragma once
 
-#include "isa.hpp"
 #include "kinds.hpp"
 #include "lie_rotation.hpp"
 
 namespace teamslam {
-inline namespace TEAMSLAM_ISA {
 
 template <int D>
 struct Pose {
@@ -110,5 +108,4 @@ inline void carry_to_body(const Pose<D>& X, const Pose<D>& S, double* J) {
   }
 }
 
-}  // namespace TEAMSLAM_ISA
 }  // namespace teamslam

@@ -6,11 +6,9 @@
 
 #include <cmath>
 
-#include "isa.hpp"
 #include "kinds.hpp"
 
 namespace teamslam {
-inline namespace TEAMSLAM_ISA {
 
 // w = log(R), with the coefficient that its inverse Jacobian needs (space only).
 template <int D>
@@ -96,5 +94,4 @@ inline void log_jacobian_inverse(const RotationVector<3>& r, double half, double
 inline void right_jacobian_inverse(const RotationVector<3>& r, double (&J)[9]) { log_jacobian_inverse(r, 0.5, J); }
 inline void left_jacobian_inverse(const RotationVector<3>& r, double (&J)[9]) { log_jacobian_inverse(r, -0.5, J); }
 
-}  // namespace TEAMSLAM_ISA
 }  // namespace teamslam

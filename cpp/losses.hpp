@@ -6,43 +6,40 @@
 //   geman_mcclure   k^2 s / (k^2 + s)
 //
 // All are s + O(s^2) near zero. The weight rho'(s) multiplies the row's part of H and g (iteratively re-weighted least
-// squares: the gradient is exact, the second derivative of rho is left out).
+// squares: the gradient is exact, the second derivative of rho is left out). The curvature 2 s rho''(s) / rho'(s) <= 0
+// is what that leaves out, along the residual: a table that is asked for curved steps takes it in.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
-
-#include "isa.hpp"
 
 namespace teamslam {
 
 enum class Loss : int32_t { squared = 0, huber = 1, cauchy = 2, geman_mcclure = 3 };
 inline constexpr int losses = 4;
 
-inline namespace TEAMSLAM_ISA {
-
 struct LossValue {
   double rho;
   double weight;
+  double curvature;
 };
 
 inline LossValue robust(Loss loss, double scale, double s) {
-  if (loss == Loss::squared) return {s, 1.0};
+  if (loss == Loss::squared) return {s, 1.0, 0.0};
   const double square = scale * scale;
   switch (loss) {
     case Loss::huber: {
-      if (s <= square) return {s, 1.0};
+      if (s <= square) return {s, 1.0, 0.0};
       const double root = std::sqrt(s);
-      return {2.0 * scale * root - square, scale / root};
+      return {2.0 * scale * root - square, scale / root, -1.0};
     }
     case Loss::cauchy:
-      return {square * std::log1p(s / square), square / (square + s)};
+      return {square * std::log1p(s / square), square / (square + s), -2.0 * s / (square + s)};
     default: {
       const double share = square / (square + s);
-      return {share * s, share * share};
+      return {share * s, share * share, -4.0 * s / (square + s)};
     }
   }
 }
 
-}  // namespace TEAMSLAM_ISA
 }  // namespace teamslam

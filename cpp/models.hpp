@@ -64,6 +64,7 @@ struct Rows {
   const double* weight;      // per row, or null
   Loss loss;
   double scale;
+  bool curved;  // steps see the curvature of the loss
   const Places* places;
 };
 
@@ -74,12 +75,7 @@ struct RowLoops {
   double (*evaluate)(const Rows&, const double* state, double* whitened);
 };
 
-// The loops for this machine's instruction set, or nulls if the model does not relate such variables. `b` is ignored
-// by models of one key.
+// Nulls if the model does not relate such variables. `b` is ignored by models of one key.
 RowLoops row_loops(Model model, int D, Kind a, Kind b);
-
-// The same for one instruction set: models.cpp, models_avx2.cpp.
-RowLoops row_loops_baseline(Model model, int D, Kind a, Kind b);
-RowLoops row_loops_avx2(Model model, int D, Kind a, Kind b);
 
 }  // namespace teamslam

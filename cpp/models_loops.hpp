@@ -7,7 +7,6 @@
 #include "models_sighting.hpp"
 
 namespace teamslam {
-inline namespace TEAMSLAM_ISA {
 
 // A factor says, for one model between variables of kinds A (and B), how many rows it has and how to evaluate
 //   e (rows) and, if wanted, J = -de/dx (rows x (dof(A) + dof(B)), row-major, the columns of A first).
@@ -167,6 +166,18 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
       for (int i = 0; i < rows; ++i) We[i] *= root;
     }
 
+    // Triggs et al. (2000), "Bundle adjustment", sec. 4.3: shrink J along the residual, so that H holds the second
+    // derivative of the loss; e grows by as much, so that g stays exact. Far outliers curve the other way: held at 1/20.
+    if (table.curved && value.curvature < 0.0) {
+      const double keep = std::sqrt(std::max(1.0 + value.curvature, 0.05)), share = (1.0 - keep) / (s * weight);
+      for (int j = 0; j < columns; ++j) {
+        double along = 0.0;
+        for (int i = 0; i < rows; ++i) along += We[i] * WJ[columns * i + j];
+        for (int i = 0; i < rows; ++i) WJ[columns * i + j] -= share * along * We[i];
+      }
+      for (int i = 0; i < rows; ++i) We[i] /= keep;
+    }
+
     const Places& at = table.places[row];
     add_product<rows, columns, a, a>(WJ, WJ, system + at.diagonal_a);
     add_gradient<rows, a>(WJ, columns, We, system + at.gradient_a);
@@ -266,18 +277,4 @@ inline RowLoops pose_loops(int D, Kind a) {
   return {};
 }
 
-inline RowLoops select_row_loops(Model model, int D, Kind a, Kind b) {
-  switch (model) {
-    case Model::relative_pose: return relative_pose_loops(D, a, b);
-    case Model::point: return sighting_loops<PointMeasure>(D, a, b);
-    case Model::range: return sighting_loops<RangeMeasure>(D, a, b);
-    case Model::bearing: return sighting_loops<BearingMeasure>(D, a, b);
-    case Model::range_bearing: return sighting_loops<RangeBearingMeasure>(D, a, b);
-    case Model::position: return position_loops(D, a);
-    case Model::pose: return pose_loops(D, a);
-  }
-  return {};
-}
-
-}  // namespace TEAMSLAM_ISA
 }  // namespace teamslam

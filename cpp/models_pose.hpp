@@ -4,7 +4,6 @@
 #include "lie.hpp"
 
 namespace teamslam {
-inline namespace TEAMSLAM_ISA {
 
 // Residual Log(Q' zR) of a rotation Q = R1'R2 (or R2 alone) against zR, which turns with
 //   J_1 = -Jr^-1(e) zR'   (right perturbation of R1),   J_2 = Jl^-1(e)   (right perturbation of R2).
@@ -78,5 +77,4 @@ inline void locate(const Pose<D>& z, const Pose<D>& X, double* e, double* J) {
   }
 }
 
-}  // namespace TEAMSLAM_ISA
 }  // namespace teamslam

@@ -11,7 +11,6 @@
 #include "lie.hpp"
 
 namespace teamslam {
-inline namespace TEAMSLAM_ISA {
 
 inline constexpr double coincident = 1e-12;  // metres
 
@@ -152,5 +151,4 @@ inline void sight(const double* z, const Pose<D>& X, const double (&p)[D], doubl
   }
 }
 
-}  // namespace TEAMSLAM_ISA
 }  // namespace teamslam

@@ -55,18 +55,24 @@ Table::Table(const Variables& variables, const TableInput& input)
     const std::vector<double>& s = sensor_;
     lifted_sensor_ = dimension_ == 3 ? s : std::vector<double>{s[0], s[1], 0, s[2], s[3], 0, s[4], s[5], 0, 0, 0, 1};
   }
+  for (int pair = 0; pair < kinds * kinds; ++pair)
+    loops_[pair] = row_loops(model_, dimension_, static_cast<Kind>(pair / kinds), static_cast<Kind>(pair % kinds));
   for (int64_t row = 0; row < rows_; ++row) check_row(row);
   prepare_measurements();
 }
 
 Kind Table::kind_of(int64_t row, int key) const { return variables_.kind[index_[keys_ * row + key]]; }
 
+int Table::pair_of(int64_t row) const {
+  return static_cast<int>(kind_of(row, 0)) * kinds + (keys_ == 2 ? static_cast<int>(kind_of(row, 1)) : 0);
+}
+
 void Table::check_row(int64_t row) const {
   const auto say = [&](const auto&... parts) {
     refuse(model_names[static_cast<int>(model_)], ": row ", row, ": ", parts...);
   };
   const Kind a = kind_of(row, 0), b = keys_ == 2 ? kind_of(row, 1) : a;
-  if (!row_loops(model_, dimension_, a, b).linearise)
+  if (!loops_[pair_of(row)].linearise)
     say("cannot relate ", name_of(a), keys_ == 2 ? " to " : "", keys_ == 2 ? name_of(b) : "", " in ", dimension_,
         " dimensions");
   if (keys_ == 2 && index_[2 * row] == index_[2 * row + 1]) say("names variable ", index_[2 * row], " twice");
@@ -135,19 +141,17 @@ void Table::sort_rows(const std::vector<int32_t>& group, int64_t groups) {
 
 void Table::arrange(const std::vector<int32_t>& chunk_of_variable, int32_t chunks) {
   constexpr int pairs = kinds * kinds;
-  const auto group_of = [&](int64_t row) {
-    const int pair = static_cast<int>(kind_of(row, 0)) * kinds + (keys_ == 2 ? static_cast<int>(kind_of(row, 1)) : 0);
-    return chunk_of_variable[index_[keys_ * row]] * pairs + pair;
-  };
   std::vector<int32_t> group(rows_);
-  for (int64_t row = 0; row < rows_; ++row) group[row] = group_of(row);
+  for (int64_t row = 0; row < rows_; ++row)
+    group[row] = chunk_of_variable[index_[keys_ * row]] * pairs + pair_of(row);
   sort_rows(group, static_cast<int64_t>(chunks) * pairs);
+  if (!order_.empty()) reorder(group, 1, order_);
 
   chunk_start_.assign(chunks + 1, 0);
   for (int64_t row = 0; row < rows_;) {
-    const int32_t here = group_of(row);
-    Run run{row, 0, row_loops(model_, dimension_, kind_of(row, 0), keys_ == 2 ? kind_of(row, 1) : Kind::pose2)};
-    while (row < rows_ && group_of(row) == here) ++row;
+    const int32_t here = group[row];
+    Run run{row, 0, loops_[pair_of(row)]};
+    while (row < rows_ && group[row] == here) ++row;
     run.count = row - run.first;
     runs_.push_back(run);
     ++chunk_start_[here / pairs + 1];
@@ -166,6 +170,7 @@ void Table::couple(Couplings& couplings) {
   places_.resize(rows_);
   if (keys_ == 1) return;
   slots_.resize(rows_);
+  couplings.reserve(rows_);
   for (int64_t row = 0; row < rows_; ++row)
     slots_[row] = couplings.add(variables_.free[index_[2 * row]], variables_.free[index_[2 * row + 1]]);
 }

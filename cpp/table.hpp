@@ -1,8 +1,8 @@
 // A table of measurements of one model: many rows, each between one or two variables.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "models.hpp"
@@ -31,6 +31,8 @@ class Table final : public Term {
 
   // One factor per row on its part of H, g and cost, in the order of the input; null: none.
   void set_weights(const double* weights);
+  // Whether H takes in the curvature of the loss (for steps) or not (for information).
+  void set_curved(bool curved) { curved_ = curved; }
   int64_t rows() const { return rows_; }
   int residual_size() const { return residual_rows(model_, dimension_); }
   // Whitened, in the order of the input; usable once the problem is frozen.
@@ -50,6 +52,7 @@ class Table final : public Term {
     RowLoops loops;
   };
   Kind kind_of(int64_t row, int key) const;
+  int pair_of(int64_t row) const;  // of kinds
   void check_row(int64_t row) const;
   void prepare_measurements();
   void sort_rows(const std::vector<int32_t>& group, int64_t groups);
@@ -62,9 +65,11 @@ class Table final : public Term {
   std::vector<int32_t> index_;
   std::vector<double> z_, whitening_, weights_;
   bool shared_whitening_;
+  std::array<RowLoops, kinds * kinds> loops_;  // of every pair of kinds; nulls where the model relates none
   std::vector<double> sensor_, lifted_sensor_;  // as given; in space
   Loss loss_;
   double scale_;
+  bool curved_ = false;
 
   std::vector<int64_t> order_;  // input row of each row; empty: the same
   std::vector<Run> runs_;
