@@ -104,10 +104,7 @@ class _Content:
         counts = [
             (no_truth + no_initial, "values of variables that no measurement names"),
             (self.labelled if drop_outliers else 0, "measurements labelled as outliers"),
-            *(
-                (n, f"factors of the type {name[:60]}, which teamslam does not know")
-                for name, n in self.unknown.items()
-            ),
+            *((n, f"factors of the unknown type {name[:60]}") for name, n in self.unknown.items()),
         ]
         dropped = tuple(Dropped(n, reason) for n, reason in counts if n)
         return replace(dataset, truth=truth, initial=initial, dropped=dropped)
