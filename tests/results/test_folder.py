@@ -60,7 +60,7 @@ def test_one_tum_file_a_robot_with_eight_columns(result: Result, tmp_path: Path)
     """stamp x y z qx qy qz qw, as evo reads it."""
     write_run(result, tmp_path / "run", figures=False)
     files = sorted((tmp_path / "run" / "tum").iterdir())
-    assert [f.name for f in files] == [f"robot_{r}.tum" for r in sorted(result.dataset.robots)]
+    assert [f.name for f in files] == [f"{r}.tum" for r in sorted(result.dataset.robots)]
     for robot, file in zip(sorted(result.dataset.robots), files, strict=True):
         rows = np.loadtxt(file)
         keys = result.map.trajectory_keys(robot)

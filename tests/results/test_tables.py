@@ -14,7 +14,7 @@ from teamslam.results.tables import (
     write_history,
     write_landmarks,
     write_team,
-    write_trajectories,
+    write_trajectory_table,
 )
 
 
@@ -35,7 +35,7 @@ def block_of(row: dict[str, str]) -> np.ndarray:
 
 def test_trajectories_hold_every_pose_with_its_covariance(record: Record, tmp_path: Path) -> None:
     """In time order; the base pose is the frame and certain."""
-    write_trajectories(record, tmp_path / "t.csv")
+    write_trajectory_table(record, tmp_path / "t.csv")
     rows, submap = rows_of(tmp_path / "t.csv"), record.maps[0]
     keys = np.concatenate([submap.trajectory_keys(r) for r in submap_robots(submap)])
     assert len(rows) == len(keys)

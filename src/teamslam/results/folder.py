@@ -5,7 +5,7 @@ What is in it:
     maps/              the maps, one for each component, as teamslam.read_submaps opens them
     map.npz            the map of the first component as plain numpy arrays (see `archive`)
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
-    tum/ROBOT.tum      each robot's way, for evo and others
+    tum/               each robot's way, for evo and others
     figures/           the map with its ellipses and the truth, convergence, errors over time, consistency
     report.json        figures for scripts            config.toml     every option as used
     history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
@@ -25,7 +25,8 @@ import numpy as np
 
 from teamslam.config import Config, write_config
 from teamslam.errors import InputError
-from teamslam.io import read_submaps, write_submaps, write_tum
+from teamslam.io import read_submaps, write_submaps
+from teamslam.io.tum import write_trajectories
 from teamslam.model import Layout, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
@@ -33,11 +34,10 @@ from teamslam.results.figures import figures_of
 from teamslam.results.record import Record
 from teamslam.results.tables import (
     read_history,
-    submap_robots,
     write_history,
     write_landmarks,
     write_team,
-    write_trajectories,
+    write_trajectory_table,
 )
 from teamslam.solver import Covariances
 
@@ -61,7 +61,7 @@ def write_record(record: Record, config: Config, folder: Path, *, figures: bool 
     """All files of a run, into an existing folder."""
     write_submaps(record.maps, folder / "maps")
     write_archive(record.maps[0], folder / "map.npz")
-    write_trajectories(record, folder / "trajectories.csv")
+    write_trajectory_table(record, folder / "trajectories.csv")
     write_landmarks(record, folder / "landmarks.csv")
     write_team(record, folder / "team.csv")
     write_history(record.history, folder / "history.csv")
@@ -170,14 +170,5 @@ def _read_log(path: Path) -> tuple[Values | None, np.ndarray]:
 
 
 def _write_tum(record: Record, folder: Path) -> None:
-    folder.mkdir()
-    for submap in record.maps:
-        for robot in submap_robots(submap):
-            keys = submap.trajectory_keys(robot)
-            poses = submap.all_values.poses_of(keys, 3)
-            write_tum(folder / f"robot_{_file_name(submap.names.robot(robot))}.tum", submap.names.stamps_s(keys), poses)
-
-
-def _file_name(name: str) -> str:
-    """A robot's name as part of a file name."""
-    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
+    for number, submap in enumerate(record.maps):
+        write_trajectories(submap.all_values, submap.names, folder if number == 0 else folder / f"part_{number + 1}")

@@ -26,7 +26,7 @@ POSE_COLUMNS = {
 }
 
 
-def write_trajectories(record: Record, path: Path) -> None:
+def write_trajectory_table(record: Record, path: Path) -> None:
     """All robots' poses, a row a pose, in time order."""
     dim = _pose_dim(record)
     header = ("component", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim]))
