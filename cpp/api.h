@@ -43,6 +43,7 @@ TEAMSLAM_API int64_t teamslam_add_submap(teamslam_problem* problem, int64_t base
 TEAMSLAM_API int64_t teamslam_add_blocks(teamslam_problem* problem, int64_t count, int64_t keys, const int64_t* index,
                                          int64_t residual_rows);
 TEAMSLAM_API int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const double* weights);
+TEAMSLAM_API int32_t teamslam_set_curved(teamslam_problem* problem, int64_t handle, int32_t curved);
 TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state,
                                          const double* values, const double* eta);
 

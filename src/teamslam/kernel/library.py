@@ -37,6 +37,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "add_submap": (L, [P, L, L, A, A, A, A, A, A, A]),
     "add_blocks": (L, [P, L, L, A, L]),
     "set_weights": (I, [P, L, A]),
+    "set_curved": (I, [P, L, I]),
     "set_submap": (I, [P, L, A, A, A]),
     "freeze": (I, [P, A]),
     "pattern": (None, [P, A, A, A]),
