@@ -168,7 +168,7 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
 
     // Triggs et al. (2000), "Bundle adjustment", sec. 4.3: shrink J along the residual, so that H holds the second
     // derivative of the loss; e grows by as much, so that g stays exact. Far outliers curve the other way: held at 1/20.
-    if (table.curved && value.curvature < 0.0) {
+    if (table.curved && value.curvature < 0.0 && weight > 0.0) {
       const double keep = std::sqrt(std::max(1.0 + value.curvature, 0.05)), share = (1.0 - keep) / (s * weight);
       for (int j = 0; j < columns; ++j) {
         double along = 0.0;

@@ -17,7 +17,7 @@ from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.start import WHOLE, dead_reckoning, place_targets
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, index_of, is_pose, robot_of
-from teamslam.solver import Options, Solution, Step, System, optimise
+from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
 
 
@@ -53,7 +53,7 @@ def build_with_solution(
     start = place_targets(poses, inside, _local_kinds(piece.layout, piece.robots[robot]))
     base = int(poses.layout.keys[0])
     system = System(start.layout, tables=inside, fixed=np.array([base]), names=piece.names)
-    solution = optimise(system, start, options, progress)
+    solution = optimise(system, convex_start(system, start, options), options, progress)
     if not solution.converged:
         raise SolveError(_not_converged(solution))
     submap = Submap(

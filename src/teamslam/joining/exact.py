@@ -79,7 +79,7 @@ class Part:
 
     def reduce(self) -> Reduced:
         """Linearise at the present point and eliminate the interiors."""
-        at = self.system.linearise(self.values)
+        at = self.system.linearise(self.values, curved=True)
         self._gradient = at.gradient
         if self.sends_whole:
             whole = at.hessian.to_csr()
@@ -239,7 +239,7 @@ class _Team:
             for number, term in enumerate(terms):
                 self.system.set_submap(number, term)
         assert self.factor is not None
-        at = self.system.linearise(self.values)
+        at = self.system.linearise(self.values, curved=True)
         self.factor.factorise(at.hessian.numbers)
         step = self.factor.solve(at.gradient)
         return step, float(at.gradient @ step) + sum(r.interior for r in reduced)

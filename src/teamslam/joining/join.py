@@ -20,7 +20,7 @@ from teamslam.joining.place import Cluster, place, spread
 from teamslam.joining.triangulate import triangulate
 from teamslam.joining.world import anchor
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
-from teamslam.solver import Options, Solution, Step, SubmapTerm, System, optimise
+from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
 
 
@@ -137,7 +137,7 @@ def _join_cluster(
     start, fixed = anchor(start, members[0], usable)
     terms = [SubmapTerm.of(member) for member in members]
     system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names)
-    solution = optimise(system, start, options, progress)
+    solution = optimise(system, convex_start(system, start, options), options, progress)
     return Component(joined_map(members, usable, solution, fixed, names), solution, ids)
 
 

@@ -4,7 +4,7 @@ from teamslam.solver.covariance import Covariances
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
-from teamslam.solver.optimise import RULES, Options, Solution, Status, Step, optimise
+from teamslam.solver.optimise import RULES, Options, Solution, Status, Step, convex_start, optimise
 from teamslam.solver.system import Linearised, SubmapTerm, System
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "SubmapTerm",
     "System",
     "block_matrix",
+    "convex_start",
     "linearise_numerically",
     "optimise",
     "optimise_graduated",

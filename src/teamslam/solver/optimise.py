@@ -10,7 +10,7 @@ Sources: Nocedal & Wright, "Numerical Optimization" (2006), ch. 4 and 10; Marqua
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol
 
@@ -33,7 +33,7 @@ class Options:
     """
 
     rule: str = "levenberg_marquardt"
-    max_iterations: int = 100
+    max_iterations: int = 300
     decrement: float = 1e-6
     cost_share: float = 1e-14
 
@@ -222,6 +222,7 @@ RULES: dict[str, Callable[[], Rule]] = {
 }
 
 DEFAULTS = Options()
+_NEAR = 3.0  # [sigmas]
 
 
 def optimise(
@@ -246,13 +247,15 @@ def optimise(
     if factor is None:
         factor = Factor(system.free, system.pattern, positions=start.positions(system.free.keys, 3), names=system.names)
     status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
-    floor = 10.0 * system.rounding(start)
+    floor, curved = 10.0 * system.rounding(start), False
     while len(history) < options.max_iterations:
         delta, predicted, full_step = rule.propose(factor, at)
         decrement = float(np.sqrt(max(predicted, 0.0))) if full_step else np.nan
         candidate = system.retract(values, delta)
         small = full_step and (decrement <= options.decrement or predicted <= options.cost_share * at.cost)
-        after = system.linearise(candidate)
+        # Reweighting is sure but slow, the loss's curvature fast but only near the optimum: within a few sigmas of it.
+        curved = curved or decrement < _NEAR
+        after = system.linearise(candidate, curved=curved)
         actual = at.cost - after.cost
         if small:
             # The last step is far below what matters; it is taken unless rounding makes it worse than it is worth.
@@ -283,6 +286,18 @@ def optimise(
     return _solution(system, values, at, status, decrement, history)
 
 
+def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> Values:
+    """A better start where losses forgive far outliers: under those, a start may lie beyond what they still see.
+
+    Huber's loss of the same scale has one basin for each row; it is solved first, roughly. Where no loss forgives,
+    `start`.
+    """
+    convex = system.convex()
+    if convex is system:
+        return start
+    return optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
+
+
 def _solution(
     system: System, values: Values, at: Linearised, status: Status, decrement: float, history: list[Step]
 ) -> Solution:
@@ -295,7 +310,7 @@ def _solution(
         status=status,
         decrement=decrement,
         history=tuple(history),
-        information=at.hessian.to_csr(),
+        information=system.linearise(values).hessian.to_csr(),
     )
 
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from teamslam import kernel
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array
-from teamslam.model import Layout, Names, Submap, Table, Values, pack
+from teamslam.model import Layout, Loss, Names, Submap, Table, Values, pack
 from teamslam.solver.linear import Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
 
@@ -74,12 +74,23 @@ class System:
         self.free = layout.select(~held)
         self._problem = kernel.Problem(layout.kinds.astype(np.int8), held)
         self._handles = [self._add_table(table) for table in self.tables]
+        self._robust = [
+            handle
+            for handle, table in zip(self._handles, self.tables, strict=True)
+            if table.row.native and table.loss.name != "squared"
+        ]
         self._submap_handles = [self._add_submap(term) for term in self.submaps]
 
     # --- what the optimiser asks --------------------------------------------------------------------------------
 
-    def linearise(self, values: Values) -> Linearised:
-        """Cost, gradient g and H at `values`."""
+    def linearise(self, values: Values, *, curved: bool = False) -> Linearised:
+        """Cost, gradient g and H at `values`.
+
+        `curved`: H also holds the curvature of robust losses along their residuals, for steps that converge like
+        Newton's; without it H is the information, in which a robust loss is a weight.
+        """
+        for handle in self._robust:
+            self._problem.set_curved(handle, curved)
         blocks = self._numeric_blocks(values)
         cost, gradient, hessian = self._problem.linearise(values.state, blocks)
         return Linearised(cost, gradient, Matrix(self.pattern, hessian))
@@ -134,6 +145,17 @@ class System:
         """Put a new estimate, information (of the same structure) and slope in place of a submap's."""
         _, information = block_matrix(term.values.layout, term.information)
         self._problem.set_submap(self._submap_handles[which], term.values.state, information, term.slope)
+
+    def convex(self) -> "System":
+        """The same problem with Huber's loss in place of losses that forgive far outliers; itself where there are
+        none."""
+        if all(table.loss.name in ("squared", "huber") for table in self.tables):
+            return self
+        tables = [
+            t if t.loss.name in ("squared", "huber") else t.with_loss(Loss("huber", t.loss.scale)) for t in self.tables
+        ]
+        held = self.layout.keys[~self.free.contains(self.layout.keys)]
+        return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names)
 
     # --- building -----------------------------------------------------------------------------------------------
 
