@@ -41,12 +41,13 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     """A table of results; the first column is text, the others are numbers."""
     from rich import box
     from rich.table import Table
+    from rich.text import Text
 
     grid = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for place, column in enumerate(columns):
-        grid.add_column(column, justify="left" if place == 0 else "right")
+        grid.add_column(Text(column), justify="left" if place == 0 else "right")
     for row in rows:
-        grid.add_row(*row)
+        grid.add_row(*map(Text, row))
     stdout().print(grid)
 
 

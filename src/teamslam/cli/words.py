@@ -1,7 +1,10 @@
 """A report in words, for the screen."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from teamslam.results import Record
 
 
 def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -32,3 +35,22 @@ def metres(value: float | None) -> str:
 def number(value: float | None) -> str:
     """A number, or why there is none."""
     return "unknown: no truth" if value is None else f"{value:.3f}"
+
+
+def comparison(records: "Mapping[str, Record]") -> tuple[list[str], list[list[str]]]:
+    """Several runs on one log side by side: the columns and the rows of a table."""
+    columns = ["method", "cost", "robots' RMSE [m]", "landmarks' RMSE [m]", "NEES / dof", "iterations", "seconds"]
+    rows = []
+    for name, record in records.items():
+        report = record.report
+        errors = [report[field] for field in ("robot_position_rmse_m", "landmark_rmse_m", "nees_per_dof")]
+        rows.append(
+            [
+                name,
+                f"{report['cost']:.3f}",
+                *("-" if error is None else f"{error:.4f}" for error in errors),
+                str(report["iterations"]),
+                f"{report['seconds']:.2f}",
+            ]
+        )
+    return columns, rows

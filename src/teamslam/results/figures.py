@@ -47,19 +47,22 @@ def scene_of(record: Record, number: int) -> Scene:
 
 
 def headline(record: Record) -> str:
-    """What was mapped, and how: 'MRCLAM_Dataset6 by submap joining'."""
-    source = Path(str(record.report.get("input") or "")).name or "A team"
-    return f"{source} by {METHOD_NAMES.get(record.method, record.method)}"
+    """What was mapped, and how: 'MRCLAM_Dataset6: submap joining'."""
+    source = Path(str(record.report.get("input") or "")).name or "Team"
+    method = (
+        "exact submap joining" if record.report.get("exactness") else METHOD_NAMES.get(record.method, record.method)
+    )
+    return f"{source[:1].upper()}{source[1:]}: {method}"
 
 
 def errors_line(record: Record) -> str:
-    """The RMSE of the run in words."""
+    """The RMSE of the run in words, after one rigid alignment of the whole team."""
     parts = [
-        f"{name} RMSE {record.report[field]:.3f} m"
-        for name, field in (("robot position", "robot_position_rmse_m"), ("landmark", "landmark_rmse_m"))
+        f"{name} {record.report[field]:.3f} m"
+        for name, field in (("robots' positions", "robot_position_rmse_m"), ("landmarks", "landmark_rmse_m"))
         if record.report.get(field) is not None
     ]
-    return ", ".join(parts) + " after one alignment of the team" if parts else ""
+    return f"RMSE of {', of '.join(parts)}" if parts else ""
 
 
 def _numbered(name: str, number: int) -> str:

@@ -1,7 +1,7 @@
 """Figures: records in, matplotlib figures out; never shown or saved here. matplotlib is imported when one is drawn."""
 
 from teamslam.viz.curves import ErrorTrack, draw_consistency, draw_convergence, draw_errors
-from teamslam.viz.maps import draw_map, plan_axes
+from teamslam.viz.maps import draw_map, draw_maps, plan_axes
 from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.style import robot_colour, styled
 
@@ -12,6 +12,7 @@ __all__ = [
     "draw_convergence",
     "draw_errors",
     "draw_map",
+    "draw_maps",
     "plan_axes",
     "robot_colour",
     "shape_of",

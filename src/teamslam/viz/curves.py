@@ -96,7 +96,8 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
         worst = max(float(np.nanpercentile(np.abs(t.error[:, row]), 99.5)) for t in tracks)
         widest = max(3.0 * float(np.nanpercentile(t.sigma[:, row], 99.5)) for t in tracks)
         grid[row, 0].set_ylim(*(np.array([-1.1, 1.1]) * max(worst, min(widest, 4.0 * worst), 1e-12)))
-    figure.suptitle(_two_lines(title or "Errors over time, with 3-sigma bands", caption), x=0.01, ha="left")
+    first = title or "Errors over time, with 3-sigma bands"
+    figure.suptitle(f"{first}\n{caption}" if caption else first, x=0.01, ha="left")
     return figure
 
 
@@ -123,7 +124,3 @@ def draw_consistency(tracks: Sequence[ErrorTrack], title: str = "", caption: str
     figure.legend(title="robot: mean", loc="outside right center")
     figure.suptitle(title or "Consistency: honest covariances keep NEES / dof near 1", x=0.01, ha="left")
     return figure
-
-
-def _two_lines(title: str, caption: str) -> str:
-    return f"{title}\n{caption}" if caption else title

@@ -9,10 +9,12 @@ What is drawn, and how:
     frames     each robot's first pose as a pair of axes: what the team did not know before
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
 from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, QUIET, TRUTH_COLOUR, robot_colour, styled
@@ -48,6 +50,33 @@ def draw_map(scene: Scene) -> "Figure":
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
     else:
         figure.legend(handles, labels, loc="outside right center")
+    return figure
+
+
+@styled
+def draw_maps(scenes: Mapping[str, tuple[Scene, str]], title: str) -> "Figure":
+    """Several maps seen from above in one figure: a panel for each title, with its scene and a caption.
+
+    Raises InputError where there is no scene to draw.
+    """
+    if not scenes:
+        raise InputError("no map to draw")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(0.4 + 4.6 * len(scenes), 5.9), layout="constrained")
+    grid = figure.subplots(1, len(scenes), squeeze=False)[0]
+    entries: dict[str, Any] = {}
+    for axes, (name, (scene, caption)) in zip(grid, scenes.items(), strict=True):
+        plan_axes(axes, scene)
+        times = scene.magnification(2) if scene.covariances else 1
+        enlarged = f"\n{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else "\n"
+        axes.set_title(caption + enlarged, fontsize=8.0, fontweight="normal", color=INK)
+        axes.text(0.0, 1.085, name, transform=axes.transAxes, fontweight="bold", fontsize=9.5)
+        handles, labels = legend_entries(axes)
+        entries = {**dict(zip(labels, handles, strict=True)), **entries}
+    kinds = {label: handle for label, handle in entries.items() if "robot " not in label and "drawn" not in label}
+    figure.suptitle(title, x=0.01, ha="left")
+    figure.legend(kinds.values(), kinds.keys(), loc="outside lower center", ncols=len(kinds))
     return figure
 
 
