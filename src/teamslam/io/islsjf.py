@@ -81,7 +81,7 @@ def _read_clean(path: Path) -> Dataset:
                 dim=2,
                 keys=np.stack([pose_key(ROBOT, seen[:, 0]), landmark_key(seen[:, 1])], -1),
                 values=sightings[:, 3:5].copy(),
-                whitening=_whitening(_symmetric(sightings[:, 5:8], 2), path),
+                whitening=_whitening(_symmetric(sightings[:, 5:8], 2), "observation", path),
                 ids=np.arange(len(sightings)),
             ),
         ),
@@ -192,7 +192,7 @@ def _odometry(keys: IntArray, motion: Array, covariance: Array, path: Path) -> T
         dim=2,
         keys=keys,
         values=pack(Pose.from_xytheta(motion)),
-        whitening=_whitening(covariance, path),
+        whitening=_whitening(covariance, "odometry row", path),
         ids=np.arange(len(keys)),
     )
 
@@ -204,8 +204,14 @@ def _symmetric(rows: AnyArray, size: int) -> Array:
     return out
 
 
-def _whitening(covariance: Array, path: Path) -> Array:
+def _whitening(covariance: Array, noun: str, path: Path) -> Array:
     try:
         return whitening(covariance)
     except ModelError as error:
-        raise InputError(str(error), path=path) from None
+        problem = str(error)
+    for k, single in enumerate(covariance, 1):
+        try:
+            whitening(single)
+        except ModelError as error:
+            raise InputError(f"{noun} {k}: {str(error).replace('covariance 0', 'the covariance')}", path=path) from None
+    raise InputError(problem, path=path)
