@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from teamslam.errors import TeamslamError
     from teamslam.geometry import Pose
     from teamslam.io import read, read_submaps, write, write_submaps
-    from teamslam.joining import Joined, build, full, join, split
+    from teamslam.joining.build import build
+    from teamslam.joining.full import full
+    from teamslam.joining.join import Joined, join
+    from teamslam.joining.split import split
     from teamslam.metrics import score
     from teamslam.model import Dataset, Loss, Submap, Table, Values
     from teamslam.pipeline import run

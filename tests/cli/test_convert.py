@@ -20,6 +20,8 @@ def test_help_names_every_format_and_those_that_are_only_read(teamslam) -> None:
 def test_a_log_goes_through_every_format_that_is_written(teamslam, tmp_path: Path, to: str) -> None:
     """As many measurements come out as went in."""
     before = team("2d", poses=6)
+    if to == "jrl":  # it has no place for points
+        before = before.with_tables(t for t in before.tables if t.source != "landmarks")
     write(before, tmp_path / "log", "plain")
     called = teamslam("convert", tmp_path / "log", tmp_path / "out", "--to", to)
     assert called.code == 0 and "3 robots" in called.out
