@@ -39,6 +39,26 @@ def test_losses(loss):
             np.testing.assert_allclose(dense(problem.pattern, values), weight * np.eye(2), atol=1e-9)
 
 
+@pytest.mark.parametrize("loss", LOSSES)
+def test_curved_tables_hold_the_second_derivative_of_the_loss(loss):
+    # Along one axis the cost is rho(x^2): its gradient is unchanged, and H is half its second derivative, but at least
+    # 1/20 of the weight. Across, and for rows of weight zero, nothing changes.
+    k, step = 1.7, 1e-3
+    for x in (0.3, 1.2, 1.6, 1.8, 2.5, 6.0):
+        problem = Problem([POINT2])
+        handle = problem.add_table("position", 2, [[0]], [[x, 0.0]], np.eye(2)[None], loss=loss, scale=k)
+        _, plain_gradient, plain = problem.linearise(np.zeros(2))
+        problem.set_curved(handle, True)
+        _, gradient, values = problem.linearise(np.zeros(2))
+        second = (rho(loss, k, (x + step) ** 2) - 2 * rho(loss, k, x**2) + rho(loss, k, (x - step) ** 2)) / step**2
+        expected = max(second / 2, 0.05 * plain[0])
+        np.testing.assert_allclose(gradient, plain_gradient, atol=1e-14)
+        np.testing.assert_allclose(values.reshape(2, 2), np.diag([expected, plain[3]]), atol=1e-5)
+        problem.set_weights(handle, [0.0])
+        _, gradient, values = problem.linearise(np.zeros(2))
+        assert not gradient.any() and not values.any()
+
+
 @st.composite
 def problems(draw):
     """A random mixed team: variables of all kinds in any order, tables of rows between any that fit."""
