@@ -42,7 +42,7 @@ ABILITIES = {
     ),
     "pyfg": Abilities(("point", "range"), ("relative_pose", "range"), truth=True, ticks=True, letters="ABC"),
     "jrl": Abilities(
-        ("range", "range_bearing"), ("relative_pose", "range", "range_bearing"), truth=True, initial=True, letters="abc"
+        ("range", "range_bearing"), ("relative_pose", "range", "range_bearing"), truth=True, initial=True, ticks=True
     ),
 }
 

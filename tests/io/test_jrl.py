@@ -197,6 +197,7 @@ DAMAGE: dict[str, tuple[Any, str]] = {
     "text for a number": (damaged(f"{RANGE}.measurement.value", "far"), "measurement.value': expected a finite number"),
     "negative range": (damaged(f"{RANGE}.measurement.value", -1), "a range is not negative"),
     "type no text": (damaged(f"{RANGE}.type", 3), "type': expected a text, found 3"),
+    "damaged note": (damaged("teamslam", {"tick_s": 1}), "field 'teamslam': the note of names is damaged"),
     "strange label": (damaged("outlier_factors.a", [[1, 2, 3]]), "a label is a pair"),
     "plane and space": (
         damaged(f"{RANGE}", factor("RangeFactor3D", (A1, L3), 2.0, [0.04])),

@@ -29,6 +29,7 @@ from teamslam.io.g2o_tags import EDGES, FORMS, NOTE, PARAMETERS, VERTICES, Tag
 from teamslam.io.g2o_writer import write
 from teamslam.io.graph import Edge, Whitener, matching, robots_of, tables_of, values_of
 from teamslam.io.lines import Line, read_lines, read_pose, triangle
+from teamslam.io.naming import names_in
 from teamslam.io.options import options_of
 from teamslam.io.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
 from teamslam.model import Dataset, Dropped, Kind, Names, Values, landmark_key, pack, pose_key
@@ -293,11 +294,6 @@ def _noted(path: Path) -> Names | None:
     if not first.startswith(NOTE):
         return None
     try:
-        note = json.loads(first[len(NOTE) :])
-        return Names(
-            {int(k): str(v) for k, v in note["robots"].items()},
-            {int(k): str(v) for k, v in note["landmarks"].items()},
-            float(note["tick_s"]),
-        )
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return names_in(json.loads(first[len(NOTE) :]))
+    except (ValueError, RecursionError):
         raise InputError("teamslam's note of names is damaged; remove the line", path=path, line=1) from None

@@ -10,6 +10,7 @@ from teamslam.geometry import Array, Pose
 from teamslam.io.charts import chart, information_of_whitening
 from teamslam.io.g2o_tags import EDGES, NOTE, PLAIN_IDS, VERTICES
 from teamslam.io.lines import state_words, text_of, write_text
+from teamslam.io.naming import note_of
 from teamslam.io.symbols import LOWER_FIRST, join_symbol
 from teamslam.model import SQUARED, Dataset, Dropped, Kind, Table, index_of, pack, robot_of
 
@@ -22,12 +23,7 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
     """
     names = _ids(dataset)
     layout, initial = dataset.layout, dataset.initial
-    note = {
-        "tick_s": dataset.names.tick_s,
-        "robots": {str(k): v for k, v in dataset.names.robots.items()},
-        "landmarks": {str(k): v for k, v in dataset.names.landmarks.items()},
-    }
-    lines = [NOTE + json.dumps(note)]
+    lines = [NOTE + json.dumps(note_of(dataset.names))]
     sensors = _parameters(dataset, lines)
     tags = {kind: tag for tag, kind in VERTICES.items()}
     missing = 0

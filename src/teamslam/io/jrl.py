@@ -28,8 +28,9 @@ from teamslam.io.graph import Edge, matching, robots_of, tables_of, values_of
 from teamslam.io.jrl_factors import FACTORS, KINDS, Factor
 from teamslam.io.jrl_noise import covariance_here
 from teamslam.io.jrl_values import bearing_range, pose_or_point, scalar
-from teamslam.io.jrl_writer import write
+from teamslam.io.jrl_writer import NOTE, write
 from teamslam.io.json_place import Json
+from teamslam.io.naming import names_in
 from teamslam.io.options import options_of
 from teamslam.io.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
 from teamslam.model import Dataset, Dropped, Kind, Names, Values, landmark_key, pose_key, robot_of, whitening
@@ -98,7 +99,7 @@ class _Content:
         letters = {k: str(LOWER_FIRST.letter(k)) for edge in edges for k in robot_of(np.array(edge.keys)).tolist() if k}
         robots = robots_of(edges, letters)
         tables = tables_of(edges, lambda model, dim, values, covariance: whitening(covariance))
-        dataset = Dataset(robots, tables, Names(dict(sorted(letters.items())), {}, 1.0), origin=origin)
+        dataset = Dataset(robots, tables, self._names(letters), origin=origin)
         truth, no_truth = matching(self._values("groundtruth"), dataset)
         initial, no_initial = matching(self._values("initialization"), dataset)
         counts = [
@@ -108,6 +109,15 @@ class _Content:
         ]
         dropped = tuple(Dropped(n, reason) for n, reason in counts if n)
         return replace(dataset, truth=truth, initial=initial, dropped=dropped)
+
+    def _names(self, letters: Mapping[int, str]) -> Names:
+        """The names in teamslam's note, or the robots' letters."""
+        if not self.root.has(NOTE):
+            return Names(dict(sorted(letters.items())), {}, 1.0)
+        try:
+            return names_in(self.root.get(NOTE).value)
+        except ValueError as error:
+            raise self.root.get(NOTE).error(f"{error}; remove it") from None
 
     def _factors(self, drop_outliers: bool) -> list[tuple[Factor, Json]]:
         """All known factors in the order of the file, labelled outliers left out where asked."""

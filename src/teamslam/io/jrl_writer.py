@@ -14,19 +14,23 @@ from teamslam.io.jrl_factors import FACTORS
 from teamslam.io.jrl_noise import covariance_there
 from teamslam.io.jrl_values import written, written_bearing_range, written_range
 from teamslam.io.lines import write_text
+from teamslam.io.naming import note_of
 from teamslam.io.symbols import LOWER_FIRST, join_symbol
 from teamslam.model import SQUARED, Dataset, Dropped, Kind, Table, Values, index_of, is_pose, pack, robot_of
 
+NOTE = "teamslam"  # an entry that other programs pass over: names and the length of a tick
+
 
 def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
-    """Writes a JRL file and returns what it has no place for: names, the length of a tick, losses.
+    """Writes a JRL file and returns what it has no place for: losses.
 
-    Law: `read` gives the same measurements, truth and estimates; within a robot, rows are put in the order of time.
+    Law: `read` gives the same measurements, truth, estimates and names; a robot's rows are put in the order of time.
     InputError for sightings that have no factor type in JRL.
     """
     letters = _letters(dataset)
     content: dict[str, Any] = {
         "name": path.stem,
+        NOTE: note_of(dataset.names),
         "robots": [letters[robot] for robot in sorted(dataset.robots)],
         "measurements": {letters[robot]: _entries(dataset, robot, letters) for robot in sorted(dataset.robots)},
     }
@@ -35,13 +39,8 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
         if kept is not None:
             content[name] = _values(kept, dataset, letters)
     write_text(path, json.dumps(content, allow_nan=False) + "\n")
-    others = {**{k: v for k, v in dataset.names.robots.items() if letters.get(k) != v}, **dataset.names.landmarks}
-    losses = [
-        (len(others), "names: JRL's are letters"),
-        (dataset.layout.dof if dataset.names.tick_s != 1.0 else 0, "the length of a tick: poses are counted"),
-        (sum(len(t) for t in dataset.tables if t.loss != SQUARED), "robust losses: JRL has no place for them"),
-    ]
-    return tuple(Dropped(count, reason) for count, reason in losses if count)
+    robust = sum(len(t) for t in dataset.tables if t.loss != SQUARED)
+    return (Dropped(robust, "robust losses: JRL has no place for them"),) if robust else ()
 
 
 def _letters(dataset: Dataset) -> dict[int, str]:
