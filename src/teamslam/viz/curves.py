@@ -53,7 +53,8 @@ def draw_convergence(costs: Mapping[str, Sequence[float]], title: str = "", capt
     axes = figure.add_subplot()
     for order, (name, cost) in enumerate(costs.items()):
         steps, colour = np.arange(len(cost)), METHOD_COLOURS.get(name, robot_colour(order))
-        axes.plot(steps, cost, marker="o", ms=4, color=colour, mec="white", mew=0.5, label=f"{name}: {cost[-1]:.6g}")
+        dots = "o" if len(cost) <= 40 else None
+        axes.plot(steps, cost, marker=dots, ms=4, color=colour, mec="white", mew=0.5, label=f"{name}: {cost[-1]:.6g}")
     spread = [c for cost in costs.values() for c in cost if c > 0.0]
     if spread and max(spread) > 3.0 * min(spread):
         axes.set_yscale("log")
