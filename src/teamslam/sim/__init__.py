@@ -1,0 +1,63 @@
+"""Made-up teams in made-up worlds, with their truth.
+
+simulate(Options(space="3d", robots=5, poses=200), seed=7)
+simulate(PaperOptions("minimum", poses=12), seed=7)          # the paper's section 3.1
+simulate("mixed", seed=7)                                    # a row of PRESETS
+"""
+
+from teamslam.errors import InputError
+from teamslam.model import Dataset
+from teamslam.sim.motion import PATHS, Arena, drive
+from teamslam.sim.noise import NOISES, Noise
+from teamslam.sim.paper import NOISE_LEVELS, SCENARIOS, PaperOptions, simulate_paper
+from teamslam.sim.scenario import SPACES, Options, Robot, observe, simulate_options
+from teamslam.sim.sense import Odometry, Sensor
+from teamslam.sim.world import World
+
+__all__ = [
+    "NOISES",
+    "NOISE_LEVELS",
+    "PATHS",
+    "PRESETS",
+    "SCENARIOS",
+    "SPACES",
+    "Arena",
+    "Noise",
+    "Odometry",
+    "Options",
+    "PaperOptions",
+    "Robot",
+    "Sensor",
+    "World",
+    "drive",
+    "observe",
+    "simulate",
+]
+
+_LIDAR = Sensor("range_bearing", sigma_m=0.05, sigma_rad=0.01, range_m=8.0, field_of_view_deg=270.0)
+_TAGS = Sensor("relative_pose", sigma_m=0.03, sigma_rad=0.02, field_of_view_deg=120.0, mount_xyz_m=(0.1, 0.0, 0.3))
+
+PRESETS: dict[str, Options | PaperOptions] = {
+    "2d": Options(space="2d"),
+    "planar": Options(space="planar"),
+    "3d": Options(space="3d"),
+    "lidar": Options(space="2d", path="lawn_mower", team=(Robot(landmarks=_LIDAR),)),
+    "tags": Options(space="planar", team=(Robot(landmarks=_TAGS),)),
+    "mixed": Options(space="3d", robots=4, team=(Robot(dim=2), Robot(dim=3))),
+    "paper": PaperOptions("sufficient"),
+    "paper_minimum": PaperOptions("minimum"),
+}
+
+
+def simulate(options: Options | PaperOptions | str = "planar", seed: int = 0) -> Dataset:
+    """What a team measures in a made-up world, with its truth: the same for the same options and seed.
+
+    `options` may be the name of a row of PRESETS; InputError for a name that is not there, or a seed below zero.
+    """
+    if isinstance(options, str):
+        if options not in PRESETS:
+            raise InputError(f"unknown preset '{options}'; choose one of {', '.join(PRESETS)}", field="preset")
+        options = PRESETS[options]
+    if seed < 0:
+        raise InputError(f"a seed is a whole number from 0 on, found {seed}", field="seed")
+    return simulate_paper(options, seed) if isinstance(options, PaperOptions) else simulate_options(options, seed)

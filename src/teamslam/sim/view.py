@@ -1,0 +1,47 @@
+"""What is in view: pairs of poses and targets within a sensor's range and field of view."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from teamslam.geometry import Array, IntArray, Pose
+
+
+def landmarks_in_view(eyes: Pose, points: Array, range_m: float, field_of_view_rad: float) -> tuple[IntArray, IntArray]:
+    """Which of the sensors `eyes` (n,) sees which of `points` (k, d): two index arrays, rising by eye, then point."""
+    if not len(points):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    found = cKDTree(points).query_ball_point(eyes.translation, range_m, return_sorted=True)
+    counts = np.array([len(f) for f in found], np.int64)
+    at = np.repeat(np.arange(len(found)), counts)
+    seen = np.concatenate([np.asarray(f, np.int64) for f in found])
+    keep = _within(eyes[at].unact(points[seen]), range_m, field_of_view_rad)
+    return at[keep], seen[keep]
+
+
+def robot_in_view(eyes: Pose, others: Array, range_m: float, field_of_view_rad: float) -> IntArray:
+    """At which of n instants the sensors `eyes` (n,) see a robot that is then at `others` (n, d)."""
+    return np.flatnonzero(_within(eyes.unact(others), range_m, field_of_view_rad))
+
+
+def _within(seen: Array, range_m: float, field_of_view_rad: float) -> Array:
+    distance = np.linalg.norm(seen, axis=-1)
+    ahead = seen[..., 0] >= np.cos(0.5 * field_of_view_rad) * distance
+    # A target at the sensor itself has no direction, and no instrument reports it.
+    return np.asarray((distance <= range_m) & (distance > 1e-6) & (ahead | (field_of_view_rad >= 2.0 * np.pi)))
+
+
+def anywhere_in_view(count: int, dim: int, range_m: float, field_of_view_rad: float, rng: np.random.Generator) -> Pose:
+    """False alarms: targets spread evenly over distance and direction within view, turned at random."""
+    distance = rng.uniform(0.0, range_m, (count, 1))
+    if dim == 2:
+        angle = rng.uniform(-0.5, 0.5, count) * field_of_view_rad
+        return Pose.from_xytheta(
+            np.concatenate(
+                [distance * np.stack([np.cos(angle), np.sin(angle)], -1), rng.uniform(-np.pi, np.pi, (count, 1))], -1
+            )
+        )
+    ahead = rng.uniform(np.cos(0.5 * field_of_view_rad), 1.0, count)
+    around = rng.uniform(-np.pi, np.pi, count)
+    across = np.sqrt(1.0 - ahead**2)
+    direction = np.stack([ahead, across * np.cos(around), across * np.sin(around)], -1)
+    return Pose.from_quaternion(distance * direction, rng.standard_normal((count, 4)))
