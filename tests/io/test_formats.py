@@ -3,6 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from logs import ABILITIES, assert_rows_numbered_once, assert_same_log, logs
 from teamslam.errors import InputError
 from teamslam.io import FORMATS, SUBMAP_FORMATS, read, read_submaps, write, write_submaps
+from teamslam.model import Dataset, Names, Table, landmark_key, pose_key
 
 
 @pytest.mark.parametrize("name", ABILITIES)
@@ -25,8 +27,41 @@ def test_what_is_written_reads_back_the_same(name: str, data: st.DataObject) -> 
     assert_rows_numbered_once(found)
 
 
+@pytest.mark.parametrize("name", ["g2o", "pyfg"])
+def test_a_table_of_robots_and_landmarks_is_written_by_what_it_sees(name: str, tmp_path: Path) -> None:
+    poses, mark, whitening = pose_key(1, np.arange(2)), int(landmark_key(7)), np.eye(3)[None]
+    step = np.array([[1.0, 0, 1, 0, 0, 1]])
+    odometry = Table(1, "odometry", "relative_pose", 2, poses[None], step, whitening, np.array([0]))
+    # Positions of the robot's next pose and of a landmark, in one table.
+    model, values = ("position", np.ones((2, 2))) if name == "g2o" else ("range", np.ones((2, 1)))
+    keys = np.array([[poses[1]], [mark]]) if name == "g2o" else np.array([[poses[0], poses[1]], [poses[0], mark]])
+    both = Table(1, "mixed", model, 2, keys, values, np.eye(values.shape[1])[None], np.arange(2))
+    seen = Table(
+        1, "landmarks", "point", 2, np.array([[poses[0], mark]]), np.ones((1, 2)), np.eye(2)[None], np.array([0])
+    )
+    path = tmp_path / f"log.{name}"
+    write(Dataset({1: 2}, (odometry, seen, both), Names(tick_s=1.0)), path)
+    found = [t for t in read(path).tables if t.model == model]
+    assert sorted(key for t in found for row in t.keys.tolist() for key in row[-1:]) == [mark, int(poses[1])]
+
+
 def test_every_format_that_writes_graphs_is_tested() -> None:
     assert {name for name, row in FORMATS.items() if row.writes and row.suffixes} == set(ABILITIES)
+
+
+@pytest.mark.parametrize("name", ABILITIES)
+def test_more_robots_than_letters_are_refused(name: str, tmp_path: Path) -> None:
+    poses = pose_key(60, np.arange(2))
+    step = np.array([[1.0, 0, 1, 0, 0, 1]])
+    odometry = Table(60, "odometry", "relative_pose", 2, poses[None], step, np.eye(3)[None], np.array([0]))
+    with pytest.raises(InputError, match="robot 60 has no letter"):
+        write(Dataset({60: 2}, (odometry,), Names(tick_s=1.0)), tmp_path / f"log.{name}")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_folder_with_nothing_in_it(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        read(tmp_path, format=name)
 
 
 def test_every_row_has_its_functions() -> None:

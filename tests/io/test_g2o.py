@@ -174,7 +174,7 @@ def test_what_g2o_cannot_say_is_refused(tmp_path: Path) -> None:
     found = read(written(tmp_path, PLANE))
     ranges = found.tables[2]
     blank = type(ranges)(1, "landmarks", "range", 2, ranges.keys, ranges.values + 1.0, ranges.whitening, ranges.ids)
-    with pytest.raises(InputError, match=r"no tag for landmarks \(range, 2D, POSE2 to POINT2\)"):
+    with pytest.raises(InputError, match=r"no word for landmarks \(range, 2D, POSE2 to POINT2\)"):
         write(found.with_tables([*found.tables, blank]), tmp_path / "out.g2o")
 
 

@@ -13,10 +13,10 @@ from damage import damaged_text, survives
 from strategies import unit_vectors
 from teamslam.errors import InputError
 from teamslam.geometry import Pose
-from teamslam.io import jrl, read
+from teamslam.io import jrl, read, write
 from teamslam.io.jrl_noise import covariance_here, covariance_there, gtsam_basis
 from teamslam.io.symbols import join_symbol
-from teamslam.model import MODELS, Dataset, pack, pose_key, whitening
+from teamslam.model import MODELS, Dataset, Table, pack, pose_key, whitening
 
 A0, A1, B0, L3 = join_symbol("a", 0), join_symbol("a", 1), join_symbol("b", 0), join_symbol("l", 3)
 I3 = [1, 0, 0, 0, 1, 0, 0, 0, 1]
@@ -212,6 +212,14 @@ def test_damage_is_named(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=expected) as caught:
         read(written(tmp_path, content))
     assert "log.jrl" in str(caught.value)
+
+
+def test_what_jrl_cannot_say_is_refused(tmp_path: Path) -> None:
+    found = read(written(tmp_path, LOG))
+    keys = found.tables[2].keys
+    point = Table(1, "landmarks", "point", 2, keys, np.ones((1, 2)), np.eye(2)[None], np.array([9]))
+    with pytest.raises(InputError, match=r"no word for landmarks \(point, 2D, POSE2 to POINT2\)"):
+        write(found.with_tables([point]), tmp_path / "out.jrl")
 
 
 @given(damaged_text(json.dumps(LOG, indent=1)))

@@ -95,7 +95,7 @@ def test_what_pyfg_cannot_say_is_refused(tmp_path: Path) -> None:
     found = read(written(tmp_path, GRAPH))
     keys, whitening = found.tables[1].keys, np.eye(1)[None]
     bearing = Table(1, "landmarks", "bearing", 2, keys, np.zeros((1, 1)), whitening, np.array([9]))
-    with pytest.raises(InputError, match=r"no tag for landmarks \(bearing, 2D, POSE2 to POINT2\)"):
+    with pytest.raises(InputError, match=r"no word for landmarks \(bearing, 2D, POSE2 to POINT2\)"):
         write(found.with_tables([bearing]), tmp_path / "out.pyfg")
 
 

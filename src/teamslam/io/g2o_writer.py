@@ -1,6 +1,7 @@
 """Writing g2o graphs: see `g2o`."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,11 @@ from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
 from teamslam.io.charts import chart, information_of_whitening
 from teamslam.io.g2o_tags import EDGES, NOTE, PLAIN_IDS, VERTICES
+from teamslam.io.graph import no_word_for, parts_of
 from teamslam.io.lines import state_words, text_of, write_text
 from teamslam.io.naming import note_of
 from teamslam.io.symbols import LOWER_FIRST, join_symbol
-from teamslam.model import SQUARED, Dataset, Dropped, Kind, Table, index_of, pack, robot_of
+from teamslam.model import SQUARED, Dataset, Dropped, Kind, Table, index_of, pack, point_kind, pose_kind, robot_of
 
 
 def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
@@ -22,20 +24,24 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
     are free of clashes, else GTSAM's symbols. InputError for models that g2o has no tag for.
     """
     names = _ids(dataset)
-    layout, initial = dataset.layout, dataset.initial
-    lines = [NOTE + json.dumps(note_of(dataset.names))]
-    sensors = _parameters(dataset, lines)
-    tags = {kind: tag for tag, kind in VERTICES.items()}
-    missing = 0
-    for key, kind in zip(layout.keys.tolist(), map(Kind, layout.kinds.tolist()), strict=True):
-        known = initial is not None and bool(initial.layout.contains(key))
-        missing += not known
-        row = initial.only(np.array([key])).state if known and initial is not None else _origin(kind)
-        lines.append(f"{tags[kind]} {names[key]} {state_words(row, kind)}")
-    for table in dataset.tables:
-        lines += _edge_lines(table, dataset, names, sensors)
-    write_text(path, "\n".join(lines) + "\n")
+    parts = [(table, _tag(table, ends)) for table, ends in parts_of(dataset)]
+    sensors = _Sensors([])
+    edges = [line for table, tag in parts for line in _edge_lines(table, tag, names, sensors)]
+    vertices, missing = _vertices(dataset, names)
+    write_text(path, "\n".join([NOTE + json.dumps(note_of(dataset.names)), *sensors.lines(), *vertices, *edges]) + "\n")
     return _losses(dataset, missing)
+
+
+def _vertices(dataset: Dataset, names: dict[int, int]) -> tuple[list[str], int]:
+    """The VERTEX lines, and how many of them have no estimate."""
+    tags = {kind: tag for tag, kind in VERTICES.items()}
+    known: dict[int, Array] = {}
+    for _, keys, data in () if dataset.initial is None else dataset.initial.parts():
+        known.update(zip(keys.tolist(), pack(data), strict=True))
+    lines = []
+    for key, kind in zip(dataset.layout.keys.tolist(), map(Kind, dataset.layout.kinds.tolist()), strict=True):
+        lines.append(f"{tags[kind]} {names[key]} {state_words(known.get(key, _origin(kind)), kind)}")
+    return lines, sum(key not in known for key in dataset.layout.keys.tolist())
 
 
 def _losses(dataset: Dataset, missing: int) -> tuple[Dropped, ...]:
@@ -67,56 +73,52 @@ def _ids(dataset: Dataset) -> dict[int, int]:
     }
 
 
-def _parameters(dataset: Dataset, lines: list[str]) -> dict[int, int]:
-    """Writes the sensors and returns the parameter id of each table (by its place); 0 is the body itself."""
-    ids: dict[int, int] = {}
-    written: list[Pose] = []
-    for place, table in enumerate(dataset.tables):
-        if table.model not in ("point", "pose", "position") or (table.dim == 2 and table.sensor is None):
-            continue
-        sensor = table.sensor or Pose.identity(table.dim)
-        same = [k for k, s in enumerate(written) if s.dim == sensor.dim and not np.any(s.minus(sensor))]
-        if not same:
-            kind = Kind.POSE2 if sensor.dim == 2 else Kind.POSE3
-            lines.append(f"PARAMS_SE{sensor.dim}OFFSET {len(written)} {state_words(pack(sensor), kind)}")
-            written.append(sensor)
-        ids[place] = same[0] if same else len(written) - 1
-    return ids
+@dataclass(frozen=True)
+class _Sensors:
+    """The sensors written so far; a sensor's place is its parameter id."""
+
+    poses: list[Pose]
+
+    def id_of(self, table: Table) -> int:
+        """The parameter id of a table's sensor."""
+        sensor = (table.sensor or Pose.identity(table.dim)).lift(table.dim)
+        for k, known in enumerate(self.poses):
+            if known.dim == sensor.dim and not np.any(known.minus(sensor)):
+                return k
+        self.poses.append(sensor)
+        return len(self.poses) - 1
+
+    def lines(self) -> list[str]:
+        """The PARAMS lines."""
+        return [
+            f"PARAMS_SE{pose.dim}OFFSET {k} {state_words(pack(pose), pose_kind(pose.dim))}"
+            for k, pose in enumerate(self.poses)
+        ]
 
 
-def _edge_lines(table: Table, dataset: Dataset, names: dict[int, int], sensors: dict[int, int]) -> list[str]:
+def _tag(table: Table, ends: tuple[Kind, ...]) -> str:
+    """The tag that says what a table holds. InputError where there is none."""
+    for name, tag in EDGES.items():
+        fits = (tag.model, tag.dim, tag.ends) == (table.model, table.dim, ends)
+        if fits and (table.sensor is None or (tag.parameter and len(ends) == 2 and table.sensor.dim <= table.dim)):
+            return name
+    raise no_word_for(table, ends, "g2o", "the plain format, or PyFG or JRL for ranges")
+
+
+def _edge_lines(table: Table, name: str, names: dict[int, int], sensors: _Sensors) -> list[str]:
     """The lines of one table."""
-    place = next(k for k, t in enumerate(dataset.tables) if t is table)
-    kinds = [Kind(kind) for kind in dataset.layout.kinds[dataset.layout.index(table.keys[:1].ravel())].tolist()]
-    tag_name = next(
-        (
-            name
-            for name, tag in EDGES.items()
-            if (tag.model, tag.dim, tag.ends) == (table.model, table.dim, tuple(kinds))
-            and (tag.parameter or table.sensor is None)
-        ),
-        None,
-    )
-    if len(table) == 0:
-        return []
-    if tag_name is None:
-        raise InputError(
-            f"g2o has no tag for {table.source} ({table.model}, {table.dim}D, {' to '.join(k.name for k in kinds)}); "
-            f"write the plain format, or PyFG or JRL for ranges"
-        )
-    tag = EDGES[tag_name]
+    tag = EDGES[name]
     information = np.broadcast_to(information_of_whitening(table.whitening), (len(table), tag.rows, tag.rows))
     if tag.model in ("relative_pose", "pose"):
         a = chart(table.values, tag.dim, half_angle=True)
         information = np.swapaxes(a, 1, 2) @ information @ a
     upper = np.triu_indices(tag.rows)
-    kind = {"relative_pose": Kind(tag.dim - 2), "pose": Kind(tag.dim - 2)}.get(tag.model, Kind(tag.dim))
+    parameter = [str(sensors.id_of(table))] if tag.parameter else []
+    kind = pose_kind(tag.dim) if tag.model in ("relative_pose", "pose") else point_kind(tag.dim)
     out = []
     for keys, value, matrix in zip(table.keys.tolist(), table.values, information, strict=True):
-        words = [tag_name, *(str(names[key]) for key in keys)]
-        words += [str(sensors[place])] if tag.parameter else []
-        words += [state_words(value, kind), *(text_of(number) for number in matrix[upper])]
-        out.append(" ".join(words))
+        words = [name, *(str(names[key]) for key in keys), *parameter, state_words(value, kind)]
+        out.append(" ".join([*words, *map(text_of, matrix[upper])]))
     return out
 
 

@@ -162,3 +162,23 @@ def values_of(found: dict[int, tuple[Kind, Sequence[float]]]) -> Values | None:
     for start, (_, row) in zip(layout.state_start[at], found.values(), strict=True):
         state[start : start + len(row)] = row
     return Values(layout, state)
+
+
+def parts_of(dataset: Dataset) -> list[tuple[Table, tuple[Kind, ...]]]:
+    """The tables, each cut into parts that are about variables of the same kinds, with these kinds; none is empty."""
+    parts = []
+    for table in dataset.tables:
+        kinds = dataset.layout.kinds[dataset.layout.index(table.keys)]
+        for row in np.unique(kinds, axis=0):
+            same = (kinds == row).all(1)
+            parts.append((table if same.all() else table.select(same), tuple(Kind(kind) for kind in row.tolist())))
+    return parts
+
+
+def no_word_for(table: Table, ends: Sequence[Kind], format: str, others: str) -> InputError:
+    """The error of a writer whose format cannot hold a table; `others` can."""
+    sensor = " by a sensor off the body's origin" if table.sensor is not None else ""
+    return InputError(
+        f"{format} has no word for {table.source} ({table.model}, {table.dim}D, "
+        f"{' to '.join(end.name for end in ends)}){sensor}; write {others}"
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array
 from teamslam.io.charts import covariance_of_whitening
-from teamslam.io.graph import matching
+from teamslam.io.graph import matching, no_word_for, parts_of
 from teamslam.io.jrl_factors import FACTORS
 from teamslam.io.jrl_noise import covariance_there
 from teamslam.io.jrl_values import written, written_bearing_range, written_range
@@ -58,25 +58,18 @@ def _symbol(key: int, letters: dict[int, str]) -> int:
 def _entries(dataset: Dataset, robot: int, letters: dict[int, str]) -> list[dict[str, Any]]:
     """A robot's factors, one entry for each time, which is the newest of its own poses in the factor."""
     stamped: dict[int, list[dict[str, Any]]] = {}
-    for table in dataset.tables:
+    for table, ends in parts_of(dataset):
         if table.robot == robot:
-            for stamp, factor in _factors(table, dataset, letters):
+            for stamp, factor in _factors(table, ends, letters):
                 stamped.setdefault(stamp, []).append(factor)
     return [{"stamp": stamp, "measurements": stamped[stamp]} for stamp in sorted(stamped)]
 
 
-def _factors(table: Table, dataset: Dataset, letters: dict[int, str]) -> list[tuple[int, dict[str, Any]]]:
+def _factors(table: Table, ends: tuple[Kind, ...], letters: dict[int, str]) -> list[tuple[int, dict[str, Any]]]:
     """The factors of one table with their times."""
-    if not len(table):
-        return []
-    kinds = tuple(Kind(k) for k in dataset.layout.kinds[dataset.layout.index(table.keys[0])].tolist())
-    name = next((n for n, f in FACTORS.items() if (f.model, f.dim, f.ends) == (table.model, table.dim, kinds)), None)
+    name = next((n for n, f in FACTORS.items() if (f.model, f.dim, f.ends) == (table.model, table.dim, ends)), None)
     if name is None or table.sensor is not None:
-        by_sensor = " by a sensor off the body's origin" if table.sensor is not None else ""
-        raise InputError(
-            f"JRL has no factor for {table.source} ({table.model}, {table.dim}D, {' to '.join(k.name for k in kinds)})"
-            f"{by_sensor}; write the plain format, or g2o or PyFG for points"
-        )
+        raise no_word_for(table, ends, "JRL", "the plain format, or g2o or PyFG for points")
     factor = FACTORS[name]
     covariances = np.broadcast_to(covariance_of_whitening(table.whitening), (len(table), factor.rows, factor.rows))
     own = robot_of(table.keys) == table.robot

@@ -26,7 +26,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.io.charts import covariance_of_whitening
-from teamslam.io.graph import Edge, matching, robots_of, tables_of, values_of
+from teamslam.io.graph import Edge, matching, no_word_for, parts_of, robots_of, tables_of, values_of
 from teamslam.io.lines import Line, read_lines, read_pose, state_words, text_of, triangle, write_text
 from teamslam.io.options import options_of
 from teamslam.io.symbols import UPPER_FIRST, fits
@@ -273,8 +273,8 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
             stamp = f"{_stamp(key, dataset)} " if kind.is_pose else ""
             lines.append(f"{tags[kind]} {stamp}{names[key]} {state_words(row, kind)}")
             missing -= kind.is_pose
-    for table in dataset.tables:
-        lines += _measurements(table, dataset, names)
+    for table, ends in parts_of(dataset):
+        lines += _measurements(table, ends, dataset, names)
     write_text(path, "\n".join(lines) + "\n")
     letters = {robot: str(UPPER_FIRST.letter(robot)) for robot in dataset.robots}
     others = {**{k: v for k, v in dataset.names.robots.items() if letters.get(k) != v}, **dataset.names.landmarks}
@@ -308,20 +308,13 @@ def _stamp(key: int, dataset: Dataset) -> str:
     return text_of(int(index_of(key)) * dataset.names.tick_s) if dataset.names.tick_s != 1.0 else "0.0"
 
 
-def _measurements(table: Table, dataset: Dataset, names: Mapping[int, str]) -> list[str]:
+def _measurements(table: Table, ends: tuple[Kind, ...], dataset: Dataset, names: Mapping[int, str]) -> list[str]:
     """The lines of one table."""
-    if not len(table):
-        return []
-    kinds = tuple(Kind(k) for k in dataset.layout.kinds[dataset.layout.index(table.keys[0])].tolist())
-    tag = next((n for n, t in TAGS.items() if (t.model, t.dim, t.ends) == (table.model, table.dim, kinds)), None)
-    if table.model == "range" and {kind.dim for kind in kinds} == {table.dim}:
+    tag = next((name for name, t in TAGS.items() if (t.model, t.dim, t.ends) == (table.model, table.dim, ends)), None)
+    if table.model == "range" and {kind.dim for kind in ends} == {table.dim}:
         tag = RANGE
     if tag is None or table.sensor is not None:
-        by_sensor = " by a sensor off the body's origin" if table.sensor is not None else ""
-        raise InputError(
-            f"PyFG has no tag for {table.source} ({table.model}, {table.dim}D, {' to '.join(k.name for k in kinds)})"
-            f"{by_sensor}; write the plain format"
-        )
+        raise no_word_for(table, ends, "PyFG", "the plain format, or JRL for range and bearing")
     rows = table.row.residual_rows(table.dim)
     covariances = np.broadcast_to(covariance_of_whitening(table.whitening), (len(table), rows, rows))
     kind = Kind(table.dim - 2) if table.model in ("relative_pose", "pose") else Kind(table.dim)
