@@ -39,6 +39,7 @@ from teamslam.net.rounding import (
     coupled_pairs,
     mirrored,
     number_of_integers,
+    numbers_at,
     restore_estimate,
     restore_information,
     round_estimate,
@@ -106,9 +107,8 @@ def get_submap(source: Reader) -> Submap:
 
 def _put_information(out: Writer, layout: Layout, pairs: IntArray, information: sp.csr_array, eta: float) -> float:
     """The shortest form that keeps the bound; exact numbers where none does."""
-    rows, columns = upper_places(layout, pairs)
     exact = Writer()
-    exact.reals(np.asarray(information[rows, columns]).ravel())
+    exact.reals(numbers_at(information, upper_places(layout, pairs)))
     candidates = [(exact.content(), "exact", 0.0)]
     for rounded in round_information(layout, pairs, information, eta) if eta else ():
         _, groups = number_of_integers(layout, pairs, rounded.form)

@@ -4,7 +4,7 @@ What is small depends on the team: condensed submaps where few variables are sha
 each other all the time (a dense matrix over many separators is larger than what it was made of). So it is not guessed.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from teamslam.joining import separators
@@ -39,11 +39,16 @@ class Plan:
     def ledger(self, kind: str | None = None) -> Ledger:
         """Every message on every link: the picks, or one kind throughout."""
         ledger = Ledger()
+        for sender, receiver, message in self.messages(kind):
+            ledger = ledger.add(sender, receiver, message)
+        return ledger
+
+    def messages(self, kind: str | None = None) -> Iterator[tuple[int, int, Message]]:
+        """Sender, receiver and message: the picks, or one kind throughout."""
         for sender, receiver in self.links:
             for offer in self.offers:
                 if offer.robot == sender:
-                    ledger = ledger.add(sender, receiver, offer.messages[kind] if kind else offer.pick)
-        return ledger
+                    yield sender, receiver, offer.messages[kind] if kind else offer.pick
 
 
 def plan(

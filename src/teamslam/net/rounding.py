@@ -198,6 +198,13 @@ def upper_places(layout: Layout, pairs: IntArray) -> tuple[IntArray, IntArray]:
     return rows[upper], columns[upper]
 
 
+def numbers_at(matrix: sp.csr_array, places: tuple[IntArray, IntArray]) -> Array:
+    """The numbers of a matrix at rows and columns."""
+    if not len(places[0]):  # SciPy answers an empty question with a sparse array
+        return np.zeros(0)
+    return np.asarray(matrix[places[0], places[1]]).ravel()
+
+
 def mirrored(dof: int, places: tuple[IntArray, IntArray], numbers: Array) -> sp.csr_array:
     """The symmetric matrix with these numbers in its upper triangle."""
     rows, columns = places
@@ -216,7 +223,7 @@ def _round_entries(
     matrix = sp.csr_array(information)
     exponents = np.floor(0.5 * np.log2(fineness * np.maximum(matrix.diagonal(), 1e-300))).astype(np.int64)
     rows, columns = places
-    numbers = np.asarray(matrix[rows, columns]).ravel()
+    numbers = numbers_at(matrix, places)
     return exponents, np.rint(np.ldexp(numbers, -(exponents[rows] + exponents[columns]))).astype(np.int64)
 
 

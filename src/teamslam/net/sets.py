@@ -41,7 +41,7 @@ class Held:
         return Held(self.version, self.removed, self.contents | other.contents)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SubmapSet:
     """An immutable set of submaps by id and version. `removed_robots`: up to which version a robot's submaps are out.
 
@@ -50,6 +50,16 @@ class SubmapSet:
 
     held: Mapping[str, Held] = field(default_factory=lambda: MappingProxyType({}))
     removed_robots: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SubmapSet) and self._known == other._known
+
+    def __hash__(self) -> int:
+        return hash(self._known)
+
+    @cached_property
+    def _known(self) -> tuple[frozenset[tuple[str, Held]], frozenset[tuple[int, int]]]:
+        return frozenset(self.held.items()), frozenset(self.removed_robots.items())
 
     @classmethod
     def of(cls, *submaps: Submap) -> "SubmapSet":
