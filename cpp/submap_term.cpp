@@ -54,16 +54,48 @@ void add_symmetric(const double* X, int n, double* target) {
     for (int j = 0; j < n; ++j) target[n * i + j] += 0.5 * (X[n * i + j] + X[n * j + i]);
 }
 
-// y += B x for `columns` right-hand sides, row-major; B is n x m, column-major.
-void add_times(const double* B, int n, int m, const double* x, int columns, double* y) {
-  for (int j = 0; j < m; ++j)
-    for (int i = 0; i < n; ++i)
-      for (int c = 0; c < columns; ++c) y[columns * i + c] += B[n * j + i] * x[columns * j + c];
+// Y += I X for one stored block (n_r x n_c, column-major) and `width` row-major columns, both ways across the diagonal.
+template <int n_r, int n_c, int width>
+void multiply_block(const double* I, const double* X_r, const double* X_c, double* Y_r, double* Y_c, bool diagonal) {
+  for (int i = 0; i < n_r; ++i) {
+    double sum[width];
+    for (int c = 0; c < width; ++c) sum[c] = Y_r[width * i + c];
+    for (int j = 0; j < n_c; ++j)
+      for (int c = 0; c < width; ++c) sum[c] += I[n_r * j + i] * X_c[width * j + c];
+    for (int c = 0; c < width; ++c) Y_r[width * i + c] = sum[c];
+  }
+  if (diagonal) return;
+  for (int j = 0; j < n_c; ++j) {
+    double sum[width];
+    for (int c = 0; c < width; ++c) sum[c] = Y_c[width * j + c];
+    for (int i = 0; i < n_r; ++i)
+      for (int c = 0; c < width; ++c) sum[c] += I[n_r * j + i] * X_r[width * i + c];
+    for (int c = 0; c < width; ++c) Y_c[width * j + c] = sum[c];
+  }
 }
-void add_transposed_times(const double* B, int n, int m, const double* x, int columns, double* y) {
-  for (int j = 0; j < m; ++j)
-    for (int i = 0; i < n; ++i)
-      for (int c = 0; c < columns; ++c) y[columns * j + c] += B[n * j + i] * x[columns * i + c];
+
+// By the estimates' unknowns (2, 3, 6).
+using MultiplyBlock = void (*)(const double*, const double*, const double*, double*, double*, bool);
+template <int width>
+constexpr MultiplyBlock multiply_blocks[3][3] = {
+    {&multiply_block<2, 2, width>, &multiply_block<2, 3, width>, &multiply_block<2, 6, width>},
+    {&multiply_block<3, 2, width>, &multiply_block<3, 3, width>, &multiply_block<3, 6, width>},
+    {&multiply_block<6, 2, width>, &multiply_block<6, 3, width>, &multiply_block<6, 6, width>}};
+constexpr int place_of(int n) { return n == 6 ? 2 : n - 2; }
+
+// Y = I X for the whole information.
+template <int width>
+void multiply(const BlockPattern& pattern, const double* values, const double* X, double* Y) {
+  std::fill_n(Y, width * pattern.scalars(), 0.0);
+  for (int32_t c = 0; c < pattern.variables(); ++c) {
+    const int64_t at_c = width * pattern.scalar_start[c];
+    for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k) {
+      const int32_t r = pattern.row[k];
+      const int64_t at_r = width * pattern.scalar_start[r];
+      multiply_blocks<width>[place_of(pattern.dof[r])][place_of(pattern.dof[c])](
+          values + pattern.value_start[k], X + at_r, X + at_c, Y + at_r, Y + at_c, r == c);
+    }
+  }
 }
 
 template <int D>
@@ -100,7 +132,8 @@ void point_residual(const double* s, Kind base, const double* x_b, const double*
   r.rows = r.member_columns = D, r.base_columns = pose_dof(D);
 }
 
-void evaluate(Kind estimate, const double* s, Kind base, const double* x_b, Kind kind, const double* x_v, Residual& r) {
+void residual_of(Kind estimate, const double* s, Kind base, const double* x_b, Kind kind, const double* x_v,
+                 Residual& r) {
   switch (estimate) {
     case Kind::pose2: return pose_residual<2>(s, base, x_b, kind, x_v, r);
     case Kind::pose3: return pose_residual<3>(s, base, x_b, kind, x_v, r);
@@ -109,17 +142,19 @@ void evaluate(Kind estimate, const double* s, Kind base, const double* x_b, Kind
   }
 }
 
-void take_columns(const double* J, int rows, int columns, Kind kind, double* out) {
+void take_columns(const double* J, int rows, int columns, Kind kind, double* out, int stride) {
   const int n = dof(kind), D = columns == 6 ? 3 : 2;
   for (int i = 0; i < rows; ++i)
-    for (int j = 0; j < n; ++j) out[n * i + j] = J[columns * i + (is_pose(kind) ? pose_column(kind, D, j) : j)];
+    for (int j = 0; j < n; ++j) out[stride * i + j] = J[columns * i + (is_pose(kind) ? pose_column(kind, D, j) : j)];
 }
 
 }  // namespace
 
-struct SubmapTerm::Jacobians {
-  std::vector<double> member;  // `largest` numbers each, estimate's unknowns x variable's, row-major
-  std::vector<double> base;    // all estimates' unknowns x base's
+// What one linearisation works with. X = [A_b | e] and Y = I X, row-major, `width` columns: all of A_b, or e alone.
+struct SubmapTerm::Work {
+  int width;
+  std::vector<double> A;  // A_v: `largest` numbers each, estimate's unknowns x variable's, row-major
+  std::vector<double> X, Y;
 };
 
 SubmapTerm::SubmapTerm(const Variables& variables, const SubmapInput& input)
@@ -245,113 +280,104 @@ void SubmapTerm::place(int32_t chunk, Layout& layout) {
   base_gradient_ = layout.gradient(variables_.free[base_]);
 }
 
-// e, and if wanted the Jacobians A_v and A_b.
-void SubmapTerm::residual(const double* state, double* e, Jacobians* jacobians) const {
+// Evaluates the residual, and with `linearise` the Jacobians; returns e'Ie + 2 eta'e.
+double SubmapTerm::evaluate(const double* state, bool linearise, Work& work) const {
   const Kind base = base_ >= 0 ? variables_.kind[base_] : Kind::pose2;
   const double* x_b = base_ >= 0 ? state + variables_.offset[base_] : nullptr;
+  const bool with_base = linearise && base_ >= 0 && variables_.free[base_] != held;
+  const int width = work.width = with_base ? dof(base) + 1 : 1;
+  work.X.resize(width * pattern_.scalars());
+  work.Y.resize(width * pattern_.scalars());
+  if (linearise) work.A.resize(largest * members_.size());
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const Member& member = members_[i];
     const Kind kind = variables_.kind[member.variable];
     Residual r;
-    evaluate(member.kind, state_.data() + member.state, base, x_b, kind, state + variables_.offset[member.variable], r);
-    std::copy_n(r.e, r.rows, e + pattern_.scalar_start[i]);
-    if (!jacobians) continue;
-    take_columns(r.J_member, r.rows, r.member_columns, kind, jacobians->member.data() + largest * i);
-    take_columns(r.J_base, r.rows, r.base_columns, base,
-                 jacobians->base.data() + dof(base) * pattern_.scalar_start[i]);
+    residual_of(member.kind, state_.data() + member.state, base, x_b, kind, state + variables_.offset[member.variable],
+                r);
+    double* X = work.X.data() + width * pattern_.scalar_start[i];
+    for (int row = 0; row < r.rows; ++row) X[width * row + width - 1] = r.e[row];
+    if (linearise) take_columns(r.J_member, r.rows, r.member_columns, kind, work.A.data() + largest * i, dof(kind));
+    if (with_base) take_columns(r.J_base, r.rows, r.base_columns, base, X, width);
   }
-}
-
-// Ie + eta; returns e'Ie + 2 eta'e.
-double SubmapTerm::weigh_residual(const double* e, double* weighted) const {
-  std::copy(eta_.begin(), eta_.end(), weighted);
-  for (int32_t c = 0; c < pattern_.variables(); ++c)
-    for (int64_t k = pattern_.column_start[c]; k < pattern_.column_start[c + 1]; ++k) {
-      const int32_t r = pattern_.row[k];
-      const double* I = values_.data() + pattern_.value_start[k];
-      const int64_t at_r = pattern_.scalar_start[r], at_c = pattern_.scalar_start[c];
-      add_times(I, pattern_.dof[r], pattern_.dof[c], e + at_c, 1, weighted + at_r);
-      if (r != c) add_transposed_times(I, pattern_.dof[r], pattern_.dof[c], e + at_r, 1, weighted + at_c);
-    }
+  if (width == 1) multiply<1>(pattern_, values_.data(), work.X.data(), work.Y.data());
+  if (width == 4) multiply<4>(pattern_, values_.data(), work.X.data(), work.Y.data());
+  if (width == 7) multiply<7>(pattern_, values_.data(), work.X.data(), work.Y.data());
   double cost = 0.0;
-  for (int64_t i = 0; i < pattern_.scalars(); ++i) cost += e[i] * (weighted[i] + eta_[i]);
+  for (int64_t i = 0; i < pattern_.scalars(); ++i) {
+    const double e = work.X[width * i + width - 1];
+    double& weighted = work.Y[width * i + width - 1];
+    weighted += eta_[i];
+    cost += e * (weighted + eta_[i]);
+  }
   return cost;
 }
 
-void SubmapTerm::add_members(const Jacobians& jacobians, const double* weighted, double* system) const {
+void SubmapTerm::add_members(const Work& work, double* system) const {
   int64_t next = 0;
   for (int32_t c = 0; c < pattern_.variables(); ++c) {
-    const double* A_c = jacobians.member.data() + largest * c;
+    const double* A_c = work.A.data() + largest * c;
     const int n_c = pattern_.dof[c], d_c = dof(variables_.kind[members_[c].variable]), shape_c = shape_of(n_c, d_c);
     double diagonal[largest] = {};
     const int64_t first = pattern_.column_start[c];
     add_blocks[shape_c][shape_c](values_.data() + pattern_.value_start[first], A_c, A_c, diagonal, false);
     add_symmetric(diagonal, d_c, system + members_[c].diagonal);
-    // Row-major A_c is column-major A_c': g_v += A_v'(Ie + eta).
-    add_times(A_c, d_c, n_c, weighted + pattern_.scalar_start[c], 1, system + members_[c].gradient);
+    for (int row = 0; row < n_c; ++row) {
+      const double weighted = work.Y[work.width * (pattern_.scalar_start[c] + row) + work.width - 1];
+      for (int p = 0; p < d_c; ++p) system[members_[c].gradient + p] += A_c[d_c * row + p] * weighted;
+    }
     for (int64_t k = first + 1; k < pattern_.column_start[c + 1]; ++k) {
       const int32_t r = pattern_.row[k];
       const int shape_r = shape_of(pattern_.dof[r], dof(variables_.kind[members_[r].variable]));
       const int64_t block = blocks_[next++];
-      add_blocks[shape_r][shape_c](values_.data() + pattern_.value_start[k], jacobians.member.data() + largest * r, A_c,
+      add_blocks[shape_r][shape_c](values_.data() + pattern_.value_start[k], work.A.data() + largest * r, A_c,
                                    system + (block < 0 ? ~block : block), block < 0);
     }
   }
 }
 
-// E = I A_b, then the base's own block and its blocks with the members.
-void SubmapTerm::add_base(const Jacobians& jacobians, const double* weighted, double* system) const {
-  const int d_b = dof(variables_.kind[base_]);
-  std::vector<double> E(pattern_.scalars() * d_b, 0.0);
-  for (int32_t c = 0; c < pattern_.variables(); ++c)
-    for (int64_t k = pattern_.column_start[c]; k < pattern_.column_start[c + 1]; ++k) {
-      const int32_t r = pattern_.row[k];
-      const double* I = values_.data() + pattern_.value_start[k];
-      const int64_t at_r = d_b * pattern_.scalar_start[r], at_c = d_b * pattern_.scalar_start[c];
-      add_times(I, pattern_.dof[r], pattern_.dof[c], jacobians.base.data() + at_c, d_b, E.data() + at_r);
-      if (r != c)
-        add_transposed_times(I, pattern_.dof[r], pattern_.dof[c], jacobians.base.data() + at_r, d_b, E.data() + at_c);
-    }
-  double diagonal[largest] = {}, gradient[6] = {};
-  for (int64_t row = 0; row < pattern_.scalars(); ++row)
+// With E = I A_b, which stands in Y: the base's own block, its part of g and its blocks with the members.
+template <int d_b>
+void SubmapTerm::add_base(const Work& work, double* system) const {
+  constexpr int width = d_b + 1;
+  double diagonal[d_b * d_b] = {}, gradient[d_b] = {};
+  for (int64_t row = 0; row < pattern_.scalars(); ++row) {
+    const double *A_b = work.X.data() + width * row, *E = work.Y.data() + width * row;
     for (int p = 0; p < d_b; ++p) {
-      const double a = jacobians.base[d_b * row + p];
-      gradient[p] += a * weighted[row];
-      for (int q = 0; q < d_b; ++q) diagonal[d_b * p + q] += a * E[d_b * row + q];
+      gradient[p] += A_b[p] * E[d_b];
+      for (int q = 0; q < d_b; ++q) diagonal[d_b * p + q] += A_b[p] * E[q];
     }
+  }
   add_symmetric(diagonal, d_b, system + base_diagonal_);
   for (int p = 0; p < d_b; ++p) system[base_gradient_ + p] += gradient[p];
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const int d_v = dof(variables_.kind[members_[i].variable]);
-    const double* A_v = jacobians.member.data() + largest * i;
+    const double *A_v = work.A.data() + largest * i, *E = work.Y.data() + width * pattern_.scalar_start[i];
     const bool transposed = members_[i].base_block < 0;
     double* target = system + (transposed ? ~members_[i].base_block : members_[i].base_block);
-    for (int row = 0; row < pattern_.dof[i]; ++row)
-      for (int p = 0; p < d_v; ++p)
-        for (int q = 0; q < d_b; ++q)
-          target[transposed ? d_b * p + q : d_v * q + p] +=
-              A_v[d_v * row + p] * E[d_b * (pattern_.scalar_start[i] + row) + q];
+    for (int p = 0; p < d_v; ++p)
+      for (int q = 0; q < d_b; ++q) {
+        double sum = 0.0;
+        for (int row = 0; row < pattern_.dof[i]; ++row) sum += A_v[d_v * row + p] * E[width * row + q];
+        target[transposed ? d_b * p + q : d_v * q + p] += sum;
+      }
   }
 }
 
 double SubmapTerm::linearise(int32_t chunk, const double* state, double* system) const {
   if (chunk != chunk_) return 0.0;
-  Jacobians jacobians;
-  jacobians.member.resize(largest * members_.size());
-  jacobians.base.resize(6 * pattern_.scalars());
-  std::vector<double> e(pattern_.scalars()), weighted(pattern_.scalars());
-  residual(state, e.data(), &jacobians);
-  const double cost = weigh_residual(e.data(), weighted.data());
-  add_members(jacobians, weighted.data(), system);
-  if (base_ >= 0 && variables_.free[base_] != held) add_base(jacobians, weighted.data(), system);
+  Work work;
+  const double cost = evaluate(state, true, work);
+  add_members(work, system);
+  if (work.width == 4) add_base<3>(work, system);
+  if (work.width == 7) add_base<6>(work, system);
   return cost;
 }
 
 double SubmapTerm::cost(int32_t chunk, const double* state) const {
   if (chunk != chunk_) return 0.0;
-  std::vector<double> e(pattern_.scalars()), weighted(pattern_.scalars());
-  residual(state, e.data(), nullptr);
-  return weigh_residual(e.data(), weighted.data());
+  Work work;
+  return evaluate(state, false, work);
 }
 
 }  // namespace teamslam

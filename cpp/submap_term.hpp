@@ -53,15 +53,15 @@ class SubmapTerm final : public Term {
     int64_t diagonal, gradient;
     int64_t base_slot, base_block;  // its block with the base; ~start if the member comes first (as in models.hpp)
   };
-  struct Jacobians;
+  struct Work;
   int32_t owner() const;
   int32_t free_of(const Member& member) const { return variables_.free[member.variable]; }
   void check_members(const SubmapInput& input) const;
   void check_pattern(const SubmapInput& input) const;
-  void residual(const double* state, double* e, Jacobians* jacobians) const;
-  double weigh_residual(const double* e, double* weighted) const;
-  void add_members(const Jacobians& jacobians, const double* weighted, double* system) const;
-  void add_base(const Jacobians& jacobians, const double* weighted, double* system) const;
+  double evaluate(const double* state, bool linearise, Work& work) const;
+  void add_members(const Work& work, double* system) const;
+  template <int d_b>
+  void add_base(const Work& work, double* system) const;
 
   const Variables& variables_;
   int32_t base_;

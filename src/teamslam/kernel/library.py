@@ -143,11 +143,19 @@ def _array(
         raise ModelError(f"{name}: not an array ({problem})") from None
     if array.dtype.kind not in kinds and array.size > 0:
         raise ModelError(f"{name}: found {array.dtype} numbers, expected {wanted}")
-    if not any(_fits(array.shape, shape) for shape in shapes):
+    for shape in shapes:
+        if _fits(array.shape, shape):
+            break
+    else:
         expected = " or ".join(str(tuple("any" if n is None else n for n in shape)) for shape in shapes)
         raise ModelError(f"{name}: found shape {array.shape}, expected {expected}".replace("'", ""))
     return array
 
 
 def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    return len(found) == len(expected) and all(n is None or n == m for m, n in zip(found, expected, strict=True))
+    if len(found) != len(expected):
+        return False
+    for have, want in zip(found, expected, strict=True):  # a plain loop: small problems come by the thousand
+        if want is not None and want != have:
+            return False
+    return True

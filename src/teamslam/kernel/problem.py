@@ -137,7 +137,7 @@ class Problem:
         own_kinds = integers("submap kinds", kinds, (n,))
         if n and (own_kinds.min() < 0 or own_kinds.max() > 3):
             raise ModelError("submap kinds: expected 0 pose2, 1 pose3, 2 point2 or 3 point3")
-        if not np.array_equal(pattern.dofs, DOFS[own_kinds]):
+        if len(pattern.dofs) != n or (pattern.dofs != DOFS[own_kinds]).any():
             raise ModelError("submap pattern: its unknowns are not those of the kinds of the members")
         sizes = (int(NUMBERS[own_kinds].sum()), pattern.size, pattern.scalars)
         estimate, information, slope = _submap_arrays(sizes, state, values, eta)
