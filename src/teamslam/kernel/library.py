@@ -155,7 +155,7 @@ def _array(
 def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
     if len(found) != len(expected):
         return False
-    for have, want in zip(found, expected, strict=True):  # a plain loop: small problems come by the thousand
+    for have, want in zip(found, expected, strict=True):  # noqa: SIM110 (small problems come by the thousand)
         if want is not None and want != have:
             return False
     return True
