@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
-from worlds import WORLDS, team
 
 from teamslam.errors import InputError
 from teamslam.geometry import Pose
@@ -15,8 +14,13 @@ from teamslam.joining import build, separators, split
 from teamslam.model import WORLD, Dataset, Loss, Submap, Table, Values
 from teamslam.net import COMPACT, EXACT, Precision, plan, receive, send, send_raw
 from teamslam.net.messages import CONDENSINGS, canonical, from_canonical
+from worlds import WORLDS, team
 
-TEAMS = [(world, "relative_pose") for world in WORLDS] + [("2d", "range_bearing"), ("2d", "bearing"), ("planar", "range")]
+TEAMS = [(world, "relative_pose") for world in WORLDS] + [
+    ("2d", "range_bearing"),
+    ("2d", "bearing"),
+    ("planar", "range"),
+]
 
 
 def pieces_and_submaps(world: str, robot_model: str = "relative_pose") -> list[tuple[Dataset, Submap]]:

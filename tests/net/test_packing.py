@@ -1,5 +1,7 @@
 """What was written is read back, whatever the numbers; what was cut short is refused."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -61,10 +63,8 @@ def test_gaussian_integers_take_little_more_than_their_entropy(sigma: float) -> 
 @given(st.binary(max_size=60), st.integers(1, 50))
 def test_any_bytes_are_read_or_refused(data: bytes, count: int) -> None:
     for read in (lambda s: s.integers(count), lambda s: s.columns(count, 2), lambda s: s.reals(count), Reader.count):
-        try:
+        with contextlib.suppress(InputError):
             read(Reader(data))
-        except InputError:
-            pass
 
 
 def test_a_cut_message_is_refused() -> None:

@@ -6,9 +6,8 @@ import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from strategies import random_values, seeds
-from worlds import WORLDS, team
 
+from strategies import random_values, seeds
 from teamslam.errors import InputError
 from teamslam.joining import build, join, separators, split
 from teamslam.model import Kind, Values
@@ -22,6 +21,7 @@ from teamslam.net.rounding import (
     round_information,
     within,
 )
+from worlds import WORLDS, team
 
 
 def spread_information(values: Values, rng: np.random.Generator, decades: float) -> sp.csr_array:
@@ -109,5 +109,3 @@ def test_precisions_that_no_rounding_can_keep_are_refused() -> None:
         Precision(shift_sigma=-1.0)
     with pytest.raises(InputError, match="information is 0"):
         Precision(information=0.9)
-
-

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import team
 
 from teamslam.errors import ModelError
 from teamslam.joining import Joined, build, condense, join, separators, split
 from teamslam.model import Submap
 from teamslam.net import SubmapSet, receive, send
 from teamslam.net.messages import canonical
+from worlds import team
 
 
 def _versions() -> dict[str, list[Submap]]:

@@ -5,6 +5,7 @@ Their worth falls while their cost does not: seen again a moment later from near
 that odometry has not. What is left out is counted, and is then in no map.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +25,7 @@ def keyframe(dataset: Dataset, *, every: int | None = None, min_interval_s: floa
         raise InputError("give either every (a count) or min_interval_s (seconds), and not both")
     if (every is not None and every < 1) or (min_interval_s is not None and not min_interval_s >= 0.0):
         raise InputError("every is at least 1, and min_interval_s at least 0")
-    ticks = 0 if min_interval_s is None else round(min_interval_s / dataset.names.tick_s)
+    ticks = 0 if min_interval_s is None else math.ceil(min_interval_s / dataset.names.tick_s - 1e-6)
     tables, dropped = [], 0
     for table in dataset.tables:
         keep = _kept(table, every, ticks)
@@ -32,8 +33,8 @@ def keyframe(dataset: Dataset, *, every: int | None = None, min_interval_s: floa
         tables.append(table if keep.all() else table.select(keep))
     if not dropped:
         return dataset
-    rule = f"every {every}th" if every is not None else f"one every {min_interval_s:g} s"
-    reason = f"sightings of robots between keyframes ({rule} of each pair kept)"
+    rule = f"one in {every}" if every is not None else f"one every {min_interval_s:g} s"
+    reason = f"sightings of robots between keyframes ({rule} of each pair is kept)"
     thinned = dataset.with_tables(t for t in tables if len(t))
     return replace(thinned, dropped=(*dataset.dropped, Dropped(dropped, reason)))
 
