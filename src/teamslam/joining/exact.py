@@ -57,8 +57,8 @@ class Part:
         self.submap = submap
         robot = piece.tables[0].robot
         own = submap.trajectory_keys(robot)
-        inside, _ = gaussian_part(piece.tables, robot, own)
         self.values = submap.all_values
+        inside, _ = gaussian_part(piece.tables, robot, own, self.values.layout)
         self.system = System(self.values.layout, tables=inside, fixed=np.array([submap.base]), names=piece.names)
         free = self.system.free
         keep = np.isin(free.keys, separators)
@@ -288,7 +288,7 @@ class _Team:
             status=status,
             decrement=float(np.sqrt(decrease)),
             history=tuple(history),
-            information=at.hessian.to_csr(),
+            hessian=at.hessian,
         )
         members = [part.submap for part in self.parts]
         final = joined_map(members, self.raw, solution, self.fixed, self.map.names)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from teamslam.geometry import AnyArray, Array, Pose, lift_tangent
 from teamslam.geometry import rotations as group_of
 from teamslam.model import Kind, Layout, Names, Submap, Values
-from teamslam.solver.linear import Factor
+from teamslam.solver.linear import Factor, Matrix
 
 
 class Covariances:
@@ -20,7 +20,7 @@ class Covariances:
     The base pose of a map is its frame: it has no uncertainty, and asking for it gives zeros.
     """
 
-    def __init__(self, layout: Layout, information: sp.csr_array, names: Names | None = None) -> None:
+    def __init__(self, layout: Layout, information: Matrix | sp.csr_array, names: Names | None = None) -> None:
         self.layout, self._information, self._names = layout, information, names
 
     @classmethod

@@ -34,8 +34,10 @@ class Matrix:
 
     def diagonal(self) -> Array:
         """The scalar diagonal."""
-        rows, columns = _scalar_places(self.pattern)
-        return np.asarray(self.numbers[rows == columns])
+        first = self.pattern.value_start[self.pattern.column_start[:-1]]
+        dofs = np.asarray(self.pattern.dofs, np.int64)
+        within = np.arange(self.pattern.scalars) - np.repeat(self.pattern.scalar_start[:-1], dofs)
+        return np.asarray(self.numbers[np.repeat(first, dofs) + within * np.repeat(dofs + 1, dofs)])
 
 
 def _scalar_places(pattern: kernel.BlockPattern) -> tuple[IntArray, IntArray]:
@@ -101,11 +103,11 @@ class Factor:
         self._factor = kernel.Factor(pattern, positions=positions, last=last)
 
     @classmethod
-    def of(cls, layout: Layout, matrix: sp.csr_array, names: Names | None = None) -> "Factor":
-        """The factor of one sparse matrix. Raises SolveError where it is not positive definite."""
-        pattern, numbers = block_matrix(layout, matrix)
-        factor = cls(layout, pattern, names=names)
-        factor.factorise(numbers)
+    def of(cls, layout: Layout, matrix: Matrix | sp.csr_array, names: Names | None = None) -> "Factor":
+        """The factor of one matrix. Raises SolveError where it is not positive definite."""
+        blocks = matrix if isinstance(matrix, Matrix) else Matrix(*block_matrix(layout, matrix))
+        factor = cls(layout, blocks.pattern, names=names)
+        factor.factorise(blocks.numbers)
         return factor
 
     def factorise(self, numbers: Array, damping: Array | None = None) -> None:

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ import scipy.sparse as sp
 from teamslam.errors import InputError, SolveError
 from teamslam.geometry import Array
 from teamslam.model import Values
-from teamslam.solver.linear import Factor
+from teamslam.solver.linear import Factor, Matrix
 from teamslam.solver.system import Linearised, System
 
 
@@ -79,8 +80,7 @@ class Solution:
     """An estimate and how it came about.
 
     `cost` = sum of losses, `chi2` = sum of squared whitened residuals (equal for the squared loss), both without a
-    factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `information` H at the estimate, over the free
-    unknowns.
+    factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `hessian` H at the estimate, over the free unknowns.
     """
 
     values: Values
@@ -91,7 +91,12 @@ class Solution:
     status: Status
     decrement: float
     history: tuple[Step, ...]
-    information: sp.csr_array
+    hessian: Matrix
+
+    @cached_property
+    def information(self) -> sp.csr_array:
+        """H at the estimate as a sparse matrix."""
+        return self.hessian.to_csr()
 
     @property
     def converged(self) -> bool:
@@ -126,7 +131,7 @@ class GaussNewton:
     def propose(self, factor: Factor, at: Linearised) -> tuple[Array, float, bool]:
         factor.factorise(at.hessian.numbers)
         delta = factor.solve(at.gradient)
-        return delta, float(at.gradient @ delta), True
+        return delta, _dot(at.gradient, delta), True
 
     def hear(self, gain: float) -> bool:
         return bool(np.isfinite(gain))
@@ -142,19 +147,20 @@ class LevenbergMarquardt:
         self._growth = 2.0
 
     def propose(self, factor: Factor, at: Linearised) -> tuple[Array, float, bool]:
-        diagonal = at.hessian.diagonal()
         if self.damping == 0.0:
             try:
                 factor.factorise(at.hessian.numbers)
             except SolveError:
-                if not (diagonal > 0.0).all():
+                if not (at.hessian.diagonal() > 0.0).all():
                     raise  # a variable that nothing measures: damping would only hide it
                 self.damping = self._FIRST
-        if self.damping > 0.0:
-            factor.factorise(at.hessian.numbers, self.damping * diagonal)
+            else:
+                delta = factor.solve(at.gradient)
+                return delta, _dot(at.gradient, delta), True
+        damping = self.damping * at.hessian.diagonal()
+        factor.factorise(at.hessian.numbers, damping)
         delta = factor.solve(at.gradient)
-        predicted = float(at.gradient @ delta + self.damping * (diagonal * delta) @ delta)
-        return delta, predicted, self.damping == 0.0
+        return delta, _dot(at.gradient + damping * delta, delta), False
 
     def hear(self, gain: float) -> bool:
         if gain > 1e-4:
@@ -301,17 +307,23 @@ def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> 
 def _solution(
     system: System, values: Values, at: Linearised, status: Status, decrement: float, history: list[Step]
 ) -> Solution:
+    robust = any(table.loss.name != "squared" for table in system.tables)
     return Solution(
         values=values,
         cost=at.cost,
-        chi2=system.chi2(values),
+        chi2=system.chi2(values) if robust else at.cost,
         rows=system.rows,
         dof=system.rows - system.free.dof,
         status=status,
         decrement=decrement,
         history=tuple(history),
-        information=system.linearise(values).hessian.to_csr(),
+        hessian=system.linearise(values).hessian if robust else at.hessian,  # the steps may hold a loss's curvature
     )
+
+
+def _dot(a: Array, b: Array) -> float:
+    """a'b, without the threads of a BLAS: waking them takes longer than the sum."""
+    return float(np.sum(a * b))
 
 
 def _since(began: float) -> float:
