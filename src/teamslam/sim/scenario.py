@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import IntArray
+from teamslam.geometry import IntArray, Pose, concatenate
 from teamslam.model import Dataset, Kind, Layout, Names, Table, Values, point_kind, pose_kind
 from teamslam.sim.motion import PATHS, Arena
 from teamslam.sim.sense import Odometry, Sensor, measure_steps, measure_targets
@@ -153,10 +153,12 @@ def _meetings(world: World, robot: int, other: int, sensor: Sensor, dim: int) ->
 
 def _truth(world: World) -> Values:
     """All there is; landmarks as poses."""
-    values = Values.of({pose_kind(world.dim): (world.landmark_keys, world.landmarks)})
+    found: dict[Kind, list[tuple[IntArray, Pose]]] = {pose_kind(world.dim): [(world.landmark_keys, world.landmarks)]}
     for robot, way in world.ways.items():
-        values = values.update(Values.of({pose_kind(way.dim): (world.pose_keys[robot], way)}))
-    return values
+        found.setdefault(pose_kind(way.dim), []).append((world.pose_keys[robot], way))
+    return Values.of(
+        {k: (np.concatenate([keys for keys, _ in f]), concatenate([poses for _, poses in f])) for k, f in found.items()}
+    )
 
 
 def _of_kinds(truth: Values, layout: Layout) -> Values:

@@ -10,10 +10,10 @@ def landmarks_in_view(eyes: Pose, points: Array, range_m: float, field_of_view_r
     """Which of the sensors `eyes` (n,) sees which of `points` (k, d): two index arrays, rising by eye, then point."""
     if not len(points):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    found = cKDTree(points).query_ball_point(eyes.translation, range_m, return_sorted=True)
-    counts = np.array([len(f) for f in found], np.int64)
-    at = np.repeat(np.arange(len(found)), counts)
-    seen = np.concatenate([np.asarray(f, np.int64) for f in found])
+    found = list(cKDTree(points).query_ball_point(eyes.translation, range_m, return_sorted=True))
+    seen_by = [np.asarray(f, np.int64) for f in found]
+    at = np.repeat(np.arange(len(seen_by)), [len(s) for s in seen_by])
+    seen = np.concatenate(seen_by)
     keep = _within(eyes[at].unact(points[seen]), range_m, field_of_view_rad)
     return at[keep], seen[keep]
 

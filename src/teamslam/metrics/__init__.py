@@ -1,0 +1,28 @@
+"""How good a map is: errors after one alignment of the team, honesty of its covariances, the bound on both."""
+
+from teamslam.metrics.accuracy import Accuracy, PairErrors, PerNumber, RobotErrors, Track, errors_at_base
+from teamslam.metrics.bound import Bound, cramer_rao
+from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, fit_of
+from teamslam.metrics.frames import Aligned, align_team, truth_at_base
+from teamslam.metrics.report import Report, score
+
+__all__ = [
+    "Accuracy",
+    "Aligned",
+    "Bound",
+    "ChiSquare",
+    "Consistency",
+    "MarginalNees",
+    "Marginals",
+    "PairErrors",
+    "PerNumber",
+    "Report",
+    "RobotErrors",
+    "Track",
+    "align_team",
+    "cramer_rao",
+    "errors_at_base",
+    "fit_of",
+    "score",
+    "truth_at_base",
+]

@@ -1,0 +1,123 @@
+"""A map and a truth brought together: what both know, and in which frame they are compared.
+
+aligned      the whole team is moved onto the truth by one rigid fit (one for all robots and landmarks, so that
+             between robots stay visible); for errors in metres
+at base      the truth is written in the frame of the map's base pose, as the map and its covariances are
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, align
+from teamslam.model import WORLD, Kind, Layout, Submap, Values, is_pose
+
+
+def shared_keys(submap: Submap, truth: Values) -> IntArray:
+    """The variables that both know, the base pose among them."""
+    keys = submap.keys
+    return np.asarray(keys[truth.layout.contains(keys) & (keys != WORLD)])
+
+
+def as_kinds(truth: Values, layout: Layout) -> Values:
+    """The truth of those variables of a layout that it fully knows, as the kinds that the layout has.
+
+    A planar pose is lifted into space at height 0; a spatial one casts its shadow on the ground. Where the truth says
+    less than the layout asks for (a point for a pose, no height for a point in space), the variable is left out.
+    """
+    common = layout.select(truth.layout.contains(layout.keys))
+    theirs = truth.layout.kinds[truth.layout.index(common.keys)]
+    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {}
+    for kind in Kind:
+        known = (theirs < Kind.POINT2) if kind.is_pose else (theirs % 2 >= kind % 2)
+        if len(keys := common.keys[(common.kinds == kind) & known]):
+            parts[kind] = (keys, _poses(truth, keys, kind.dim) if kind.is_pose else truth.positions(keys, kind.dim))
+    return Values.of(parts)
+
+
+def _poses(values: Values, keys: IntArray, dim: int) -> Pose:
+    lifted = values.poses_of(keys, 3)
+    return lifted if dim == 3 else Pose.from_xytheta(lifted.xytheta())
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """A map moved onto the truth by `pose`: `keys` are known to both. `basis` says what the fit rests on; `held` is
+    false where that leaves it free to turn."""
+
+    keys: IntArray
+    estimate: Values
+    truth: Values
+    pose: Pose
+    basis: str
+    held: bool
+
+    def positions(self, keys: IntArray) -> Array:
+        """Errors of position (n, 3) [m]; heights count only where both know them."""
+        error = self.estimate.positions(keys, 3) - self.truth.positions(keys, 3)
+        error[~(_is_spatial(self.estimate, keys) & _is_spatial(self.truth, keys)), 2] = 0.0
+        return error
+
+    def turns(self, keys: IntArray) -> Array:
+        """Errors of orientation (n, 3) [rad], as rotation vectors, of poses known as such to both."""
+        true, estimate = self.poses(keys)
+        return estimate.minus(true)[..., 3:]
+
+    def poses(self, keys: IntArray) -> tuple[Pose, Pose]:
+        """True and estimated poses (n,), in space; where the estimate lies in the plane, so does the truth."""
+        true, flat = self.truth.poses_of(keys, 3), ~_is_spatial(self.estimate, keys)
+        shadow = Pose.from_xytheta(true.xytheta()).lift(3)
+        rotation = np.where(flat[:, None, None], shadow.rotation, true.rotation)
+        translation = np.where(flat[:, None], shadow.translation, true.translation)
+        return Pose(rotation, translation), self.estimate.poses_of(keys, 3)
+
+    def known_poses(self, keys: IntArray) -> IntArray:
+        """Those of `keys` that are poses in both."""
+        return np.asarray(keys[_is_oriented(self.estimate, keys) & _is_oriented(self.truth, keys)])
+
+
+def align_team(submap: Submap, truth: Values) -> Aligned | None:
+    """The map after one rigid motion of the whole team onto the truth; None where they have nothing in common.
+
+    The closed-form fit over the positions of all shared poses and landmarks (Umeyama 1991); where these leave it free
+    to turn (all in line, or only one), the orientations of shared poses come in. A team in the plane is moved in it.
+    """
+    keys = shared_keys(submap, truth)
+    if not len(keys):
+        return None
+    estimate = submap.values if submap.base == WORLD else submap.all_values
+    dim = 2 if submap.base_dim == 2 or (estimate.layout.kinds % 2 == 0).any() else 3
+    here, there = estimate.positions(keys, dim), truth.positions(keys, dim)
+    fit = align(here, there)
+    robots = is_pose(keys).any()
+    basis = "robots and landmarks" if robots and not is_pose(keys).all() else "robots" if robots else "landmarks"
+    spread = float(np.mean(np.sum((there - there.mean(0)) ** 2, -1)))
+    held = fit.rigidity > 1e-9 * spread and len(keys) > 1
+    oriented = keys[_is_oriented(estimate, keys) & _is_oriented(truth, keys)]
+    if not held and len(oriented):
+        turned = [_poses(values, oriented, dim).rotation for values in (estimate, truth)]
+        fit = align(here, there, source_rotations=turned[0], target_rotations=turned[1])
+        basis, held = f"{basis} and their orientations", True
+    return Aligned(keys, estimate.transform(fit.pose), truth, fit.pose, basis, held)
+
+
+def truth_at_base(submap: Submap, truth: Values) -> Values | None:
+    """What the truth knows of the map's variables (the base left out), in the map's own frame and kinds.
+
+    None where the truth does not know the base pose, so that the map's frame is nowhere in it.
+    """
+    if submap.base == WORLD:
+        return as_kinds(truth, submap.values.layout)
+    known = as_kinds(truth, submap.all_values.layout)
+    if not known.layout.contains(submap.base):
+        return None
+    moved = known.transform(known.pose(submap.base).inverse())
+    return moved.select(moved.layout.keys != submap.base)
+
+
+def _is_spatial(values: Values, keys: IntArray) -> BoolArray:
+    return np.asarray(values.layout.kinds[values.layout.index(keys)] % 2 == 1)
+
+
+def _is_oriented(values: Values, keys: IntArray) -> BoolArray:
+    return np.asarray(values.layout.kinds[values.layout.index(keys)] < Kind.POINT2)

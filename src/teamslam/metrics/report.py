@@ -1,0 +1,159 @@
+"""The score of a map against a truth, in one record: for people as a table, for scripts as JSON."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from teamslam.geometry import Pose
+from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
+from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
+from teamslam.metrics.frames import align_team
+from teamslam.model import Submap, Values
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """How good a map is. Everything about the truth is None (or empty) where the truth does not say.
+
+    `alignment` moves the map onto the truth; `basis` says what it rests on. `fit` needs no truth: it is the squared
+    whitened residuals against their degrees of freedom. `note` says in words why something is missing.
+    """
+
+    map: str
+    fit: ChiSquare
+    alignment: Pose | None = None
+    basis: str | None = None
+    accuracy: Accuracy | None = None
+    consistency: Consistency | None = None
+    note: str = ""
+
+    @property
+    def robot_position_rmse_m(self) -> float | None:
+        """Of all robots' poses, after one alignment of the whole team [m]."""
+        return self.accuracy.robot_position_rmse_m if self.accuracy else None
+
+    @property
+    def landmark_rmse_m(self) -> float | None:
+        """Of all landmarks, after the same alignment [m]."""
+        return self.accuracy.landmark_rmse_m if self.accuracy else None
+
+    @property
+    def nees_per_dof(self) -> float | None:
+        """Of all variables together; near 1 where the map is as sure as it should be."""
+        return self.consistency.nees.per_dof if self.consistency else None
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """Errors over time, robot by robot."""
+        return self.accuracy.tracks if self.accuracy else ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON: numbers, words, lists and null. Errors over time are left out."""
+        scored, honest = self.accuracy, self.consistency
+        return {
+            "map": self.map,
+            "note": self.note,
+            "aligned_on": self.basis,
+            "robot_position_rmse_m": self.robot_position_rmse_m,
+            "robot_turn_rmse_rad": scored.robot_turn_rmse_rad if scored else None,
+            "landmark_rmse_m": self.landmark_rmse_m,
+            "rmse_per_number": _fields(scored.per_number) if scored else None,
+            "robots": [_fields(r) for r in scored.robots] if scored else [],
+            "pairs": [_fields(p) | {"robots": list(p.robots)} for p in scored.pairs] if scored else [],
+            "nees_per_dof": self.nees_per_dof,
+            "nees": _chi_square(honest.nees) | {"frame": honest.frame} if honest else None,
+            "nees_of_poses": _marginal(honest.of_poses) if honest else None,
+            "nees_of_landmarks": _marginal(honest.of_landmarks) if honest else None,
+            "chi2": _chi_square(self.fit),
+        }
+
+    def __str__(self) -> str:
+        return "\n".join(_lines(self))
+
+
+def score(map: Submap, truth: Values, *, covariances: Marginals | None = None) -> Report:
+    """A map (or submap) against a truth that knows some of its variables, in any frame.
+
+    `covariances` of the map add the NEES of variables one by one. Laws: score(map, its own values) has no error; moving
+    the truth as a whole changes nothing.
+    """
+    aligned = align_team(map, truth)
+    if aligned is None:
+        return Report(map.id, fit_of(map), note="the truth knows none of the map's variables")
+    if not aligned.held:
+        what = "one place" if len(aligned.keys) == 1 else "places in one line, without orientation,"
+        note = f"the truth knows {what} of this map only, which leaves it free to turn: nothing can be compared"
+        return Report(map.id, fit_of(map), note=note)
+    return Report(
+        map=map.id,
+        fit=fit_of(map),
+        alignment=aligned.pose,
+        basis=aligned.basis,
+        accuracy=accuracy(aligned, map.names),
+        consistency=consistency(map, truth, aligned, covariances),
+    )
+
+
+def _fields(record: Any) -> dict[str, Any]:
+    return dict(vars(record))
+
+
+def _chi_square(found: ChiSquare) -> dict[str, Any]:
+    band = list(found.band) if found.band else None
+    return {"value": found.value, "dof": found.dof, "per_dof": found.per_dof, "band": band, "inside": found.inside}
+
+
+def _marginal(found: MarginalNees | None) -> dict[str, Any] | None:
+    return None if found is None else _fields(found)
+
+
+def _lines(report: Report) -> Iterator[str]:
+    yield f"map {report.map}"
+    if report.note:
+        yield f"  {report.note}"
+    if (scored := report.accuracy) is not None:
+        yield f"  errors after one alignment of the whole team, on {report.basis}"
+        yield _row("robot position RMSE", scored.robot_position_rmse_m, "m")
+        yield _row("robot orientation RMSE", scored.robot_turn_rmse_rad, "rad")
+        yield _row("landmark RMSE", scored.landmark_rmse_m, "m")
+        yield from _per_number(scored.per_number)
+        yield f"  {'robot':<12} {'poses':>7} {'RMSE m':>9} {'RMSE rad':>9} {'ATE m':>9} {'RPE m':>9} {'RPE rad':>9}"
+        for r in scored.robots:
+            numbers = (r.position_rmse_m, r.turn_rmse_rad, r.ate_rmse_m, r.rpe_rmse_m, r.rpe_rmse_rad)
+            yield f"  {r.robot:<12} {r.poses:>7} " + " ".join(f"{_number(x):>9}" for x in numbers)
+        for p in scored.pairs:
+            yield (
+                f"  robot {p.robots[1]} seen from {p.robots[0]}: RMSE {_number(p.position_rmse_m)} m, "
+                f"{_number(p.turn_rmse_rad)} rad"
+            )
+    if (honest := report.consistency) is not None:
+        yield f"  consistency, frame: {FRAMES[honest.frame]}"
+        yield _banded("NEES / dof", honest.nees)
+        for name, of in (("of poses, one by one", honest.of_poses), ("of landmarks", honest.of_landmarks)):
+            if of is not None:
+                yield f"  {name:<24} {_number(of.per_dof)}   {of.share_inside:.0%} within their 95 % region"
+    yield _banded("chi2 / dof of the fit", report.fit)
+
+
+FRAMES = {"base": "the map's base pose", "fitted": "fitted to the truth, its dof taken off", "world": "the world"}
+
+
+def _per_number(found: PerNumber) -> Iterator[str]:
+    yield (
+        f"  {'RMSE per number':<24} state {_number(found.state)}, robot poses {_number(found.robot_pose)}, "
+        f"landmarks {_number(found.landmark)}"
+    )
+
+
+def _row(name: str, value: float | None, unit: str) -> str:
+    return f"  {name:<24} {_number(value)} {unit if value is not None else ''}".rstrip()
+
+
+def _banded(name: str, found: ChiSquare) -> str:
+    if found.per_dof is None or found.band is None:
+        return f"  {name:<24} -"
+    return f"  {name:<24} {_number(found.per_dof)}   95 % of honest ones: {found.band[0]:.3f} to {found.band[1]:.3f}"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
