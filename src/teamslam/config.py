@@ -5,7 +5,7 @@
     [loss]                       # replaces the loss of every sighting; absent: as the reader set it
     name = "huber"
     scale = 2.0
-    [split]                      # where logs are cut into submaps; absent: where the heading gets uncertain
+    [split]                      # where logs are cut into submaps; absent: one submap a robot
     poses_per_piece = 200
     [join]                       # how submaps are joined
     order = "at once"            # or "sequential", "tree"
@@ -30,7 +30,6 @@ import tomli_w
 
 from teamslam.errors import InputError
 from teamslam.joining import ORDERS
-from teamslam.joining.split import HEADING_SIGMA
 from teamslam.model import Loss
 from teamslam.solver import Options as SolverOptions
 
@@ -40,16 +39,16 @@ ReaderOption = bool | int | float | str
 
 @dataclass(frozen=True)
 class SplitOptions:
-    """Where logs are cut into submaps: `poses_per_piece` poses in each or, where None, as soon as the dead-reckoned
-    heading is uncertain by `heading_sigma` [rad]."""
+    """Where logs are cut into submaps, beyond gaps in the odometry: after `poses_per_piece` poses, or where the
+    dead-reckoned heading is uncertain by `heading_sigma` [rad]. Without either, a robot's log is one submap."""
 
     poses_per_piece: int | None = None
-    heading_sigma: float = HEADING_SIGMA
+    heading_sigma: float | None = None
 
     def __post_init__(self) -> None:
         if self.poses_per_piece is not None and self.poses_per_piece < 2:
             raise InputError(f"a piece of a log needs at least 2 poses, found {self.poses_per_piece}")
-        if not self.heading_sigma > 0.0:
+        if self.heading_sigma is not None and not self.heading_sigma > 0.0:
             raise InputError(f"heading_sigma is an angle above 0, found {self.heading_sigma}")
 
 

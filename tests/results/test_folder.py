@@ -134,6 +134,6 @@ def test_the_defaults_are_written_out(result: Result, tmp_path: Path) -> None:
     """config.toml holds every option, so that a later version's defaults do not change the run."""
     write_run(result, tmp_path / "run", figures=False)
     text = (tmp_path / "run" / "config.toml").read_text()
-    for word in ("method", "max_iterations", "heading_sigma", "order"):
+    for word in ("method", "max_iterations", "order"):
         assert word in text
     assert read_config(tmp_path / "run" / "config.toml") == Config()

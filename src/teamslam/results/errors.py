@@ -7,8 +7,9 @@ instead.) Where the truth of the base is unknown, the whole team is aligned, and
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, align
-from teamslam.model import WORLD, Submap, Values, is_pose
+from teamslam.metrics import align_team, truth_at_base
+from teamslam.metrics.frames import as_kinds
+from teamslam.model import Submap, Values
 from teamslam.results.tables import submap_robots
 from teamslam.solver import Covariances
 from teamslam.viz import ErrorTrack
@@ -19,40 +20,21 @@ UNITS = {3: ("m", "m", "rad"), 6: ("m", "m", "m", "rad", "rad", "rad")}
 
 def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> list[ErrorTrack]:
     """A track for each robot whose true poses are known; empty where nothing can be compared."""
-    if not truth.layout.contains(submap.values.layout.keys).any():
-        return []
     true = truth_at_base(submap, truth)
+    true = truth_by_team(submap, truth) if true is None else true
     start_s = float(min(submap.names.stamps_s(submap.trajectory_keys(r)[0]) for r in submap_robots(submap)))
     tracks = (_track(submap, true, covariances, robot, start_s) for robot in submap_robots(submap))
     return [track for track in tracks if track is not None]
 
 
-def truth_at_base(submap: Submap, truth: Values) -> Values:
-    """The truth in the frame of a map, by the truth of its base pose; by the whole team where that is unknown."""
-    if submap.base != WORLD and truth.layout.contains(submap.base):
-        return truth.transform(truth.pose(submap.base).inverse())
-    return truth_by_team(submap, truth)
-
-
 def truth_by_team(submap: Submap, truth: Values) -> Values:
-    """The truth in the frame of a map, by the best rigid fit of all that both know; as it is for maps of the world.
+    """The truth of the map's variables in the frame of the map, by one rigid fit of the whole team.
 
-    Unchanged where the two have nothing in common.
+    Empty where the two have nothing in common.
     """
-    shared = submap.keys[truth.layout.contains(submap.keys) & (submap.keys != WORLD)]
-    if submap.base == WORLD or not len(shared):
-        return truth
-    dim = submap.base_dim
-    here, there = submap.all_values.positions(shared, dim), truth.positions(shared, dim)
-    poses = shared[is_pose(shared)]
-    turned = _turns(submap.all_values, poses, dim), _turns(truth, poses, dim)
-    return truth.transform(align(there, here, source_rotations=turned[1], target_rotations=turned[0]).pose)
-
-
-def _turns(values: Values, keys: IntArray, dim: int) -> Array:
-    lifted = values.poses_of(keys, 3)
-    poses = lifted if dim == 3 else Pose.from_xytheta(lifted.xytheta())
-    return poses.rotation
+    known = as_kinds(truth, submap.all_values.layout)
+    aligned = align_team(submap, truth)
+    return known if aligned is None else known.transform(aligned.pose.inverse())
 
 
 def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int, start_s: float) -> ErrorTrack | None:
@@ -61,8 +43,6 @@ def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int, 
     if not len(keys):
         return None
     estimate, true = submap.values.only(keys), truth.only(keys)
-    if not np.array_equal(estimate.layout.kinds, true.layout.kinds):
-        return None
     error = estimate.minus(true).reshape(len(keys), -1)
     blocks = np.stack(covariances.blocks(estimate.layout.keys))
     dof = error.shape[-1]
