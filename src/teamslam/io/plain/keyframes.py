@@ -12,7 +12,7 @@ Stamps nearer than a tolerance are one. A sighting where a robot has no odometry
 left out and counted; a robot without any odometry has poses just where it is seen or sees.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,9 +64,8 @@ def place_keyframes(
     tables: Sequence[Table], streams: Sequence[Stream], *, tolerance: int, names: Names
 ) -> tuple[list[Table], list[Dropped]]:
     """The tables with every sighting at a keyframe, odometry between neighbouring keyframes, and what was left out."""
-    sightings = [table for table in tables if not is_increment(table)]
     increments = [table for table in tables if is_increment(table)]
-    wanted = np.unique(np.concatenate([t.keys[is_pose(t.keys)] for t in sightings] or [np.zeros(0, np.int64)]))
+    wanted = _poses_of(table for table in tables if not is_increment(table))
     of_robot = robot_of(wanted)
     ways: dict[int, _Way] = {}
     for robot in sorted({*of_robot.tolist(), *(t.robot for t in increments), *(s.robot for s in streams)}):
@@ -74,20 +73,25 @@ def place_keyframes(
             robot, [t for t in increments if t.robot == robot], [s for s in streams if s.robot == robot], names
         )
         ways[robot] = way.with_keyframes(index_of(wanted[of_robot == robot]), tolerance)
-    out, dropped = [], []
-    for table in sightings:
-        moved, lost = _at_keyframes(table, ways)
-        out.append(moved)
-        if lost:
-            who = names.robot(table.robot)
-            dropped.append(Dropped(lost, f"robot {who}: {table.source} where a robot has no odometry"))
-    # Keyframes that only lost sightings wanted are gone with them.
-    used = np.unique(np.concatenate([t.keys[is_pose(t.keys)] for t in out] or [np.zeros(0, np.int64)]))
-    for table in increments:
-        out.append(_split(table, index_of(used[robot_of(used) == table.robot])))
-    for stream in streams:
-        out.append(_between(stream, index_of(used[robot_of(used) == stream.robot]), names))
-    return out, dropped
+    placed = [table if is_increment(table) else _at_keyframes(table, ways) for table in tables]
+    dropped = [
+        Dropped(lost, f"robot {names.robot(table.robot)}: {table.source} where a robot has no odometry")
+        for table, left in zip(tables, placed, strict=True)
+        if (lost := len(table) - len(left))
+    ]
+    # Keyframes that only lost sightings wanted are not among these.
+    used = _poses_of(table for table in placed if not is_increment(table))
+    cut = [
+        _split(table, index_of(used[robot_of(used) == table.robot])) if is_increment(table) else table
+        for table in placed
+    ]
+    return cut + [_between(s, index_of(used[robot_of(used) == s.robot]), names) for s in streams], dropped
+
+
+def _poses_of(tables: Iterable[Table]) -> IntArray:
+    """The keys of all poses that tables name, rising."""
+    keys = [table.keys[is_pose(table.keys)] for table in tables]
+    return np.unique(np.concatenate(keys)) if keys else np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +147,8 @@ class _Way:
         return np.asarray((at >= 0) & (ticks <= self.stop[at]))
 
 
-def _at_keyframes(table: Table, ways: dict[int, _Way]) -> tuple[Table, int]:
-    """A table of sightings with its poses at keyframes, and how many rows had none."""
+def _at_keyframes(table: Table, ways: dict[int, _Way]) -> Table:
+    """A table of sightings with its poses at keyframes, without the rows that have none."""
     keys = table.keys.copy()
     good = np.ones(len(keys), bool)
     for robot, way in ways.items():
@@ -152,7 +156,7 @@ def _at_keyframes(table: Table, ways: dict[int, _Way]) -> tuple[Table, int]:
         ticks = way.keyframe[np.searchsorted(way.wanted, index_of(keys[mask]))]
         good &= ~(mask & ~_spread(mask, ticks >= 0)).any(-1)
         keys[mask] = pose_key(robot, np.maximum(ticks, 0))
-    return replace(table, keys=keys).select(good), int(np.count_nonzero(~good))
+    return replace(table, keys=keys).select(good)
 
 
 def _spread(mask: BoolArray, found: BoolArray) -> BoolArray:

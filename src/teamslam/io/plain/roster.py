@@ -32,7 +32,7 @@ class Roster:
     @property
     def names(self) -> Names:
         """What everybody is called."""
-        robots = {number: robot.name for number, robot in self.entries.items()}
+        robots = {number: robot.name for number, robot in self.entries.items() if robot.name != str(number)}
         landmarks = {number: name for number, name in self._called.items() if name != str(number)}
         return Names(robots, landmarks, self._team.tick_s)
 

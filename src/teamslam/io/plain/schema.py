@@ -92,7 +92,7 @@ class Team(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     log: list[Log] = []
     keyframes: str = "interpolate"
     tolerance_s: float = 0.001
-    truth_gap_s: float = 0.5
+    truth_gap_s: float = 1.0
     tick_s: float = 1e-6
     landmarks: dict[str, int] = {}
     truth: Known = Known()
