@@ -171,6 +171,15 @@ class Pose:
         turn = rotations(self.dim).log(np.swapaxes(other.rotation, -1, -2) @ self.rotation)
         return np.concatenate([self.translation - other.translation, turn], -1)
 
+    def sharpened(self) -> "Pose":
+        """The same poses with the rounding of long products taken out of their rotations: R'R = 1 to working precision.
+
+        One Newton step to the nearest rotation, R (3 - R'R) / 2 (Higham 1986): errors of size e become e^2.
+        """
+        eye = np.eye(self.dim)
+        gram = np.swapaxes(self.rotation, -1, -2) @ self.rotation
+        return Pose(self.rotation @ (1.5 * eye - 0.5 * gram), self.translation)
+
     # --- plane and space ----------------------------------------------------------------------------------------
 
     def lift(self, dim: int) -> "Pose":

@@ -1,11 +1,10 @@
-"""Cutting a long log into pieces, so that each submap is easy.
+"""Cutting a log into pieces, each of which becomes a submap.
 
 A piece is a stretch of one robot's way. Every measurement goes into exactly one piece (that of the pose it was taken
-from), and consecutive pieces share their boundary pose: the last of one is the base of the next. Where the odometry
-chain is broken the log is cut too, without a shared pose.
-
-A submap is easy while dead reckoning is a good start for it, that is, while the heading is known: a piece ends where
-the standard deviation of the dead-reckoned heading, summed along the odometry, reaches `heading_sigma`.
+from), and consecutive pieces share their boundary pose: the last of one is the base of the next. Where the chain of
+odometry is broken the log is always cut, without a shared pose. Otherwise a robot's log is one piece, as in the
+paper, unless pieces of a certain length are asked for: in poses, or in how far the heading may be lost along a piece
+by dead reckoning.
 """
 
 import numpy as np
@@ -13,17 +12,15 @@ import numpy as np
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.model import Dataset, Table, is_pose, robot_of
 
-HEADING_SIGMA = 0.2  # [rad]: the linearisation error of a submap's start is about half its square, 2 %
-MIN_POSES = 10  # shorter pieces cost more to join than they save
+MIN_POSES = 10  # pieces cut by heading are not shorter: they would cost more to join than they save
 
 
-def split(
-    dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma: float = HEADING_SIGMA
-) -> list[Dataset]:
+def split(dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma: float | None = None) -> list[Dataset]:
     """The pieces of a log, robot by robot and in time order.
 
-    `poses_per_piece` cuts by count instead of by the uncertainty of the heading. Law: the pieces' tables together hold
-    every row of the dataset's tables once.
+    `poses_per_piece` cuts by count; `heading_sigma` [rad] where the standard deviation of the dead-reckoned heading,
+    summed along the odometry, reaches it. Law: the pieces' tables together hold every row of the dataset's tables
+    once.
     """
     return [
         piece
@@ -32,7 +29,7 @@ def split(
     ]
 
 
-def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_sigma: float) -> list[Dataset]:
+def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_sigma: float | None) -> list[Dataset]:
     if not log.tables:
         return []
     poses = log.pose_keys[robot]
@@ -80,7 +77,7 @@ def _odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, B
     return variance, which >= 0
 
 
-def _cuts(variance: Array, linked: BoolArray, poses_per_piece: int | None, heading_sigma: float) -> IntArray:
+def _cuts(variance: Array, linked: BoolArray, poses_per_piece: int | None, heading_sigma: float | None) -> IntArray:
     """Where pieces start, as places in the list of poses."""
     starts, since, count = [0], 0.0, 1
     last = len(variance)
@@ -90,7 +87,8 @@ def _cuts(variance: Array, linked: BoolArray, poses_per_piece: int | None, headi
             starts.append(step + 1)
             since, count = 0.0, 1
             continue
-        full = count > poses_per_piece if poses_per_piece else count > MIN_POSES and since > heading_sigma**2
+        full = bool(poses_per_piece and count > poses_per_piece)
+        full |= heading_sigma is not None and count > MIN_POSES and since > heading_sigma**2
         remaining = last - (step + 1)
         if full and remaining >= (1 if poses_per_piece else MIN_POSES // 2):
             starts.append(step + 1)

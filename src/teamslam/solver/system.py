@@ -52,6 +52,7 @@ class Linearised:
 class System:
     """The problem over the variables of `layout`; those of `fixed` keep their value and have no unknowns.
 
+    `move(values, delta)`, delta over all unknowns, may replace the retraction by one that equals it to first order.
     `tables` and `submaps` may only name variables of the layout; a submap whose base is not among them is written in
     the frame of the problem itself. Raises ModelError for unknown variables or kinds that do not fit.
     """
@@ -64,9 +65,11 @@ class System:
         submaps: Iterable[SubmapTerm] = (),
         fixed: AnyArray = (),  # type: ignore[assignment]
         names: Names | None = None,
+        move: Callable[[Values, Array], Values] | None = None,
     ) -> None:
         self.layout = layout
         self.names = names or Names()
+        self._move = move
         self.tables = tuple(tables)
         self.submaps = tuple(submaps)
         held = np.zeros(len(layout), bool)
@@ -104,7 +107,11 @@ class System:
         )
 
     def retract(self, values: Values, delta: Array) -> Values:
-        """values (+) delta over the free unknowns."""
+        """values (+) delta over the free unknowns, or `move` of them where the problem was given one."""
+        if self._move is not None:
+            whole = np.zeros(self.layout.dof)
+            whole[self.layout.unknowns(self.free.keys)] = delta
+            return self._move(values, whole)
         return Values(values.layout, self._problem.retract(values.state, delta))
 
     def chi2(self, values: Values) -> float:
@@ -155,7 +162,7 @@ class System:
             t if t.loss.name in ("squared", "huber") else t.with_loss(Loss("huber", t.loss.scale)) for t in self.tables
         ]
         held = self.layout.keys[~self.free.contains(self.layout.keys)]
-        return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names)
+        return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names, move=self._move)
 
     # --- building -----------------------------------------------------------------------------------------------
 
