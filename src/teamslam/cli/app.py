@@ -12,15 +12,19 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from teamslam import __version__
+from teamslam.cli.build import build
 from teamslam.cli.console import complain
 from teamslam.cli.convert import convert
 from teamslam.cli.demo import demo
+from teamslam.cli.exchange import exchange
 from teamslam.cli.info import info
+from teamslam.cli.join import join
 from teamslam.cli.paper import paper
 from teamslam.cli.plot import plot
 from teamslam.cli.run import run
 from teamslam.cli.score import score
 from teamslam.cli.simulate import simulate
+from teamslam.cli.split import split
 from teamslam.errors import SolveError, TeamslamError
 
 DONE, NOT_SOLVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -41,7 +45,7 @@ Exit codes: 0 done; 1 not converged, or parts could not be joined; 2 bad input o
 """
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
-for command in (demo, run, simulate, convert, info, score, plot, paper):
+for command in (demo, run, simulate, convert, info, score, plot, paper, split, build, join, exchange):
     app.command(command)
 
 

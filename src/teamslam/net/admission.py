@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from teamslam.errors import TeamslamError
+from teamslam.errors import InputError, TeamslamError
 from teamslam.io.arrays import SUFFIX, read_submap
 from teamslam.model import Submap, is_landmark
 from teamslam.net.messages import canonical, check
@@ -46,16 +46,22 @@ def admit(candidates: Iterable[Submap | str | Path]) -> Admission:
     refused: list[Refusal] = []
     for candidate in _each_file(candidates):
         try:
-            submap = candidate if isinstance(candidate, Submap) else read_submap(candidate)
-            if isinstance(candidate, Submap):
-                check(submap)
-            sound.append(submap)
+            sound.append(_opened(candidate))
         except TeamslamError as error:
             name = candidate.id if isinstance(candidate, Submap) else str(candidate)
-            refused.append(Refusal(name, str(error)))
+            refused.append(Refusal(name, error.problem if isinstance(error, InputError) else str(error)))
     newest, torn = _newest(sound)
     good, excluded = _without_conflicts(newest)
     return Admission(tuple(good), tuple(sorted([*refused, *torn, *excluded], key=lambda r: (r.name, r.reason))))
+
+
+def _opened(candidate: Submap | Path) -> Submap:
+    if isinstance(candidate, Submap):
+        check(candidate)
+        return candidate
+    if candidate.is_dir():
+        raise InputError(f"there is no file *{SUFFIX} in this folder")
+    return read_submap(candidate)
 
 
 def _each_file(candidates: Iterable[Submap | str | Path]) -> Iterable[Submap | Path]:

@@ -1,0 +1,57 @@
+"""`teamslam build`: submaps from a log or from pieces of one (Algorithm 1)."""
+
+from pathlib import Path
+
+
+def build(
+    *inputs: Path,
+    out: Path,
+    version: int = 0,
+    poses_per_piece: int | None = None,
+    format: str | None = None,
+) -> int:
+    """Build a submap of every piece of a log, each in its own frame.
+
+    ```
+    teamslam build MRCLAM_Dataset6 --out submaps
+    teamslam build pieces --out submaps
+    teamslam build pieces/1_robot_1.piece pieces/2_robot_1.piece --out robot-1
+    ```
+
+    Exit codes: 0 done; 1 some submap could not be built (the others are written); 2 bad input or usage.
+
+    Parameters
+    ----------
+    inputs
+        One log, or pieces as `teamslam split` writes them: files, or folders of them.
+    out
+        The folder to write, one file *.submap for each; it must not exist or be empty.
+    version
+        The version of the submaps. In a join a newer version of a submap replaces an older one.
+    poses_per_piece
+        Where a log is cut here: by count. Without it, where the dead-reckoned heading gets uncertain.
+    format
+        The format of the log, where it cannot be told from its looks.
+    """
+    from teamslam.cli.console import complain, progress_bar, say
+    from teamslam.cli.pieces import pieces_in
+    from teamslam.errors import SolveError
+    from teamslam.io import write_submaps
+    from teamslam.joining import build as build_submap
+    from teamslam.results.folder import refuse_to_overwrite, whole_folder
+
+    refuse_to_overwrite(out, replace=False)
+    pieces = pieces_in(inputs, format, poses_per_piece)
+    submaps, failed = [], 0
+    with progress_bar() as progress:
+        for number, piece in enumerate(pieces, 1):
+            progress("building submaps", number, len(pieces))
+            try:
+                submaps.append(build_submap(piece, version=version))
+            except SolveError as error:
+                failed += 1
+                complain(f"piece {number} of {len(pieces)} gave no submap: {error}")
+    with whole_folder(out) as draft:
+        write_submaps(submaps, draft)
+    say(f"written: {out}: {len(submaps)} submaps of {len({r for s in submaps for r in s.robots})} robots")
+    return 1 if failed else 0

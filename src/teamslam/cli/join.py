@@ -1,0 +1,114 @@
+"""`teamslam join`: submap files in, one map out (Algorithm 2); bad submaps are refused and the rest is joined."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from teamslam.model import Values
+    from teamslam.net import Admission
+    from teamslam.results.record import Record
+
+
+def join(
+    *maps: Path,
+    out: Path,
+    truth: Path | None = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    figures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Join submaps into one map, and write a folder as `teamslam run` does.
+
+    Submaps that are damaged, contradict the others or would count a measurement twice are refused with the reason,
+    and listed in report.json; the rest is joined. Of several versions of a submap the newest counts.
+
+    ```
+    teamslam join submaps --out map
+    teamslam join robot-1 robot-2 other/3_robot_3.submap --out map
+    teamslam join submaps --out map --truth MRCLAM_Dataset6
+    ```
+
+    Exit codes: 0 done; 1 some submaps were refused, not converged, or parts could not be joined; 2 bad input or
+    usage.
+
+    Parameters
+    ----------
+    maps
+        Submap files, or folders of them.
+    out
+        The folder to write. It appears when everything in it is written, never half.
+    truth
+        A log that holds the truth, to score the map against.
+    force
+        Replace an earlier run in the output folder.
+    figures
+        Draw figures.
+    quiet
+        Print nothing but errors.
+    """
+    from teamslam.cli.console import complain, pairs, say
+    from teamslam.cli.words import outcome
+    from teamslam.config import Config
+    from teamslam.errors import InputError
+    from teamslam.net import admit
+    from teamslam.results.folder import refuse_to_overwrite, whole_folder, write_record
+
+    refuse_to_overwrite(out, replace=force)
+    if not maps:
+        raise InputError("name the submap files to join, or folders of them")
+    admitted = admit(maps)
+    for refusal in admitted.refused:
+        complain(f"refused: {refusal.name}: {refusal.reason}")
+    if not admitted.good:
+        raise InputError("none of these can be joined; see the reasons above")
+    record = _joined(admitted, truth)
+    with whole_folder(out) as draft:
+        write_record(record, Config(), draft, figures=figures)
+    if not quiet:
+        pairs(f"{len(admitted.good)} submaps joined, {len(admitted.refused)} refused", outcome(record.report))
+        say(f"written: {out}")
+    whole = record.report["converged"] and record.report["components"] == 1 and not admitted.refused
+    return 0 if whole else 1
+
+
+def _joined(admitted: "Admission", truth: Path | None) -> "Record":
+    """The run that joining these submaps is: what went in is what they hold."""
+    from dataclasses import replace
+    from time import perf_counter
+
+    from teamslam.cli.sources import truth_in
+    from teamslam.config import Config
+    from teamslam.joining import join as join_submaps
+    from teamslam.metrics import score
+    from teamslam.model import Dataset, robot_of
+    from teamslam.pipeline import Result
+    from teamslam.results.record import Record
+    from teamslam.solver import Covariances
+
+    began = perf_counter()
+    joined = join_submaps(admitted.good)
+    covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
+    raw = tuple(table for submap in admitted.good for table in submap.raw)
+    poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
+    robots = {int(robot_of(key)): 2 + kind for key, kind in poses.items()}
+    known = None if truth is None else truth_in(truth)
+    team = Dataset(robots, raw, joined.map.names, known)
+    report = None if known is None else score(joined.map, known, covariances=covariances[0])
+    seconds = {"joining submaps": perf_counter() - began}
+    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, report, seconds))
+    marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
+    held = {
+        "poses": len(poses),
+        "landmarks": len(marks),
+        "refused": [{"name": r.name, "reason": r.reason} for r in admitted.refused],
+    }
+    return replace(record, report={**record.report, **held})
+
+
+def _pose_kinds(values: "Values") -> "zip[tuple[int, int]]":
+    from teamslam.model import is_pose
+
+    poses = is_pose(values.layout.keys)
+    return zip(values.layout.keys[poses].tolist(), values.layout.kinds[poses].tolist(), strict=True)

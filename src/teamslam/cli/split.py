@@ -1,0 +1,53 @@
+"""`teamslam split`: a log in pieces, each to be built into a submap, here or elsewhere."""
+
+from pathlib import Path
+
+
+def split(
+    log: Path,
+    /,
+    *,
+    out: Path,
+    poses_per_piece: int | None = None,
+    keyframe: int | None = None,
+    format: str | None = None,
+) -> int:
+    """Cut a log into pieces of one robot each, so that each submap is easy to build.
+
+    Every measurement goes into one piece, and consecutive pieces of a robot share a pose.
+
+    ```
+    teamslam split MRCLAM_Dataset6 --out pieces
+    teamslam build pieces --out submaps
+    teamslam join submaps --out map
+    ```
+
+    Exit codes: 0 done; 2 bad input or usage.
+
+    Parameters
+    ----------
+    log
+        A log: a folder or file in any format that `teamslam convert --help` lists.
+    out
+        The folder to write, one file *.piece for each; it must not exist or be empty.
+    poses_per_piece
+        Cut by count. Without it, where the dead-reckoned heading gets uncertain.
+    keyframe
+        Keep only every n-th sighting of each pair of robots.
+    format
+        The format of the log, where it cannot be told from its looks.
+    """
+    from teamslam.cli.console import say
+    from teamslam.cli.pieces import pieces_of
+    from teamslam.net.pieces import write_pieces
+    from teamslam.results.folder import refuse_to_overwrite, whole_folder
+
+    refuse_to_overwrite(out, replace=False)
+    pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)
+    with whole_folder(out) as draft:
+        write_pieces(pieces, draft)
+    robots = {piece.tables[0].robot for piece in pieces}
+    say(f"written: {out}: {len(pieces)} pieces of {len(robots)} robots")
+    for dropped in pieces[0].dropped if pieces else ():
+        say(f"left out: {dropped.count} rows: {dropped.reason}")
+    return 0

@@ -1,0 +1,87 @@
+"""split, build, join: a log in pieces, pieces in submaps, submaps in a map; exchange: what sending them costs."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from teamslam.io import read_submaps, write
+from worlds import team
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small team's log with truth."""
+    path = tmp_path_factory.mktemp("team") / "log"
+    write(team("2d", poses=20, landmarks=6, sees=0.6), path, "plain")
+    return path
+
+
+def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Path) -> None:
+    assert teamslam("split", log, "--out", tmp_path / "pieces", "--poses-per-piece", 8).code == 0
+    assert teamslam("build", tmp_path / "pieces", "--out", tmp_path / "submaps").code == 0
+    assert len(list((tmp_path / "pieces").iterdir())) == len(read_submaps(tmp_path / "submaps")) >= 6
+    called = teamslam("join", tmp_path / "submaps", "--out", tmp_path / "map", "--truth", log, "--no-figures")
+    assert called.code == 0 and "refused" in called.out
+
+    (tmp_path / "options.toml").write_text("[split]\nposes_per_piece = 8\n")
+    run = teamslam("run", log, "--out", tmp_path / "run", "--config", tmp_path / "options.toml", "--no-figures")
+    assert run.code == 0
+    a, b = (read_submaps(tmp_path / name / "maps")[0] for name in ("map", "run"))
+    np.testing.assert_allclose(a.values.minus(b.values), 0.0, atol=1e-9)
+    ours, theirs = (json.loads((tmp_path / name / "report.json").read_text()) for name in ("map", "run"))
+    for field in ("robots", "poses", "landmarks", "dof", "components"):
+        assert ours[field] == theirs[field], field
+    assert ours["robot_position_rmse_m"] == pytest.approx(theirs["robot_position_rmse_m"], rel=1e-6)
+    assert ours["refused"] == []
+
+
+def test_a_log_is_built_without_a_detour(teamslam, log: Path, tmp_path: Path) -> None:
+    assert teamslam("build", log, "--out", tmp_path / "submaps", "--version", 4).code == 0
+    assert {s.version for s in read_submaps(tmp_path / "submaps")} == {4}
+
+
+def test_bad_submaps_are_refused_with_the_reason_and_the_rest_is_joined(teamslam, log: Path, tmp_path: Path) -> None:
+    teamslam("build", log, "--out", tmp_path / "submaps")
+    first = sorted((tmp_path / "submaps").iterdir())[0]
+    (tmp_path / "submaps" / "cut.submap").write_bytes(first.read_bytes()[:-40])
+    called = teamslam("join", tmp_path / "submaps", "--out", tmp_path / "map", "--no-figures")
+    assert called.code == 1 and "cut off" in called.err
+    report = json.loads((tmp_path / "map" / "report.json").read_text())
+    assert [Path(r["name"]).name for r in report["refused"]] == ["cut.submap"]
+    assert report["robots"] == 3
+
+
+def test_where_nothing_can_be_joined_nothing_is_written(teamslam, log: Path, tmp_path: Path) -> None:
+    called = teamslam("join", log, "--out", tmp_path / "map")
+    assert called.code == 2 and "no file *.submap" in called.err and not (tmp_path / "map").exists()
+    assert teamslam("join", "--out", tmp_path / "map").code == 2
+
+
+def test_what_is_there_is_not_written_over(teamslam, log: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    for command in ("split", "build", "join"):
+        called = teamslam(command, log, "--out", tmp_path)
+        assert called.code == 2 and "not empty" in called.err
+
+
+@pytest.mark.parametrize("options", [(), ("--topology", "all"), ("--to-the-bit",), ("--keyframe", 5), ("--landmarks",)])
+def test_exchange_shows_every_link_and_none_dearer_than_raw(teamslam, log: Path, options: tuple[object, ...]) -> None:
+    called = teamslam("exchange", log, *options)
+    assert called.code == 0
+    links = re.findall(r"^ *(\d) to (\d) .*$", called.out, re.MULTILINE)
+    assert len(links) == (6 if "all" in options else 2)
+    for line in called.out.splitlines():
+        if re.match(r" *(\d to \d|all) ", line):
+            _, raw, sparse, partial, condensed, sent = numbers(line)
+            assert sent <= min(raw, sparse, partial, condensed)
+    assert ("left out" in called.out) is ("--keyframe" in options)
+    assert ("to the bit" in called.out) is ("--to-the-bit" in options)
+
+
+def numbers(line: str) -> list[int]:
+    """The six columns of numbers after the link's name."""
+    cells = re.split(r"  +", line.strip())
+    return [int(cell.replace(",", "")) for cell in cells[1:7]]
