@@ -1,7 +1,7 @@
 """A map and a truth brought together: what both know, and in which frame they are compared.
 
 aligned      the whole team is moved onto the truth by one rigid fit (one for all robots and landmarks, so that
-             between robots stay visible); for errors in metres
+             errors between robots stay visible); for errors in metres
 at base      the truth is written in the frame of the map's base pose, as the map and its covariances are
 """
 
