@@ -19,8 +19,7 @@ def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("took", f"{report['seconds']:.2f} s, {report['iterations']} iterations"),
     ]
     if report["dropped"]:
-        reasons = [("", f"{d['count']}: {d['reason']}") for d in report["dropped_reasons"]]
-        rows[3:3] = [("dropped", f"{report['dropped']} rows"), *reasons]
+        rows.insert(3, ("dropped", f"{report['dropped']} rows; `teamslam info` says why"))
     if report["components"] > 1:
         rows.insert(1, ("components", f"{report['components']}: the team could not be joined into one map"))
         rows[2:2] = [("", reason) for reason in report["reasons"]]
