@@ -3,7 +3,8 @@
 #     make demo     shows teamslam at work; figures in ./demo
 #     make test     runs all tests
 #
-# Both set up what they need in .venv first; after that they start at once. Also: make check, make docs, make clean.
+# Both set up what they need in .venv first; after that they start at once. Also: make check, make docs, make picture,
+# make clean.
 
 PYTHON ?= python3
 WORKERS ?= auto
@@ -11,7 +12,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := pyproject.toml CMakeLists.txt $(wildcard cpp/*)
 
-.PHONY: demo test check docs clean
+.PHONY: demo test check docs picture clean
 
 demo: $(VENV)/.ready
 	$(BIN)/teamslam demo
@@ -24,6 +25,10 @@ check: $(VENV)/.ready-for-tests
 
 docs: $(VENV)/.ready-for-docs
 	scripts/check docs
+
+# The picture of the README, from the demo, in few enough colours to be small.
+picture: demo
+	$(BIN)/python -c "from PIL import Image; Image.open('demo/demo.png').convert('RGB').quantize(64).save('docs/images/demo.png', optimize=True)"
 
 clean:
 	rm -rf $(VENV) build demo docs/_build .cache
