@@ -166,18 +166,6 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
       for (int i = 0; i < rows; ++i) We[i] *= root;
     }
 
-    // Triggs et al. (2000), "Bundle adjustment", sec. 4.3: shrink J along the residual, so that H holds the second
-    // derivative of the loss; e grows by as much, so that g stays exact. Far outliers curve the other way: held at 1/20.
-    if (table.curved && value.curvature < 0.0 && weight > 0.0) {
-      const double keep = std::sqrt(std::max(1.0 + value.curvature, 0.05)), share = (1.0 - keep) / (s * weight);
-      for (int j = 0; j < columns; ++j) {
-        double along = 0.0;
-        for (int i = 0; i < rows; ++i) along += We[i] * WJ[columns * i + j];
-        for (int i = 0; i < rows; ++i) WJ[columns * i + j] -= share * along * We[i];
-      }
-      for (int i = 0; i < rows; ++i) We[i] /= keep;
-    }
-
     const Places& at = table.places[row];
     add_product<rows, columns, a, a>(WJ, WJ, system + at.diagonal_a);
     add_gradient<rows, a>(WJ, columns, We, system + at.gradient_a);
@@ -189,6 +177,26 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
         add_product<rows, columns, a, b>(WJ, WJ + a, system + at.coupling);
       else
         add_product<rows, columns, b, a>(WJ + a, WJ, system + ~at.coupling);
+    }
+    if (table.curved && value.curvature < 0.0 && weight > 0.0) {
+      // The loss bends down along the residual: H -= v v' with v = J'e scaled (Triggs et al. 2000, "Bundle adjustment",
+      // sec. 4.3, without their guard against an indefinite H: whoever factorises it sees that, and asks for none).
+      double v[columns], minus_v[columns];
+      const double scale = std::sqrt(-value.curvature / (s * weight));
+      for (int j = 0; j < columns; ++j) {
+        double along = 0.0;
+        for (int i = 0; i < rows; ++i) along += We[i] * WJ[columns * i + j];
+        v[j] = scale * along;
+        minus_v[j] = -v[j];
+      }
+      add_product<1, columns, a, a>(minus_v, v, system + at.diagonal_a);
+      if constexpr (b > 0) {
+        add_product<1, columns, b, b>(minus_v + a, v + a, system + at.diagonal_b);
+        if (at.coupling >= 0)
+          add_product<1, columns, a, b>(minus_v, v + a, system + at.coupling);
+        else
+          add_product<1, columns, b, a>(minus_v + a, v, system + ~at.coupling);
+      }
     }
   }
   return cost;

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.build import build_with_solution, gaussian_part
 from teamslam.joining.join import (
@@ -36,6 +37,8 @@ from teamslam.joining.join import (
 from teamslam.model import Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.optimise import DEFAULTS
+
+_NEAR = 3.0  # [sigmas]: from here on steps use the curvature of robust losses
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +80,9 @@ class Part:
         """The estimate of what is sent, in the submap's frame."""
         return self.values.only(self.kept.keys)
 
-    def reduce(self) -> Reduced:
-        """Linearise at the present point and eliminate the interiors."""
-        at = self.system.linearise(self.values, curved=True)
+    def reduce(self, *, curved: bool = False) -> Reduced:
+        """Linearise at the present point and eliminate the interiors; `curved` as in System.linearise."""
+        at = self.system.linearise(self.values, curved=curved)
         self._gradient = at.gradient
         if self.sends_whole:
             whole = at.hessian.to_csr()
@@ -89,7 +92,7 @@ class Part:
         n = self.kept.dof
         at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
         interior = float(at.gradient @ at_rest)
-        return Reduced(sp.csr_array(_full(complement)), slope, at.cost, interior, n * (n + 1) // 2 + 2 * n + 1)
+        return Reduced(_dense(complement), slope, at.cost, interior, n * (n + 1) // 2 + 2 * n + 1)
 
     def follow(self, separators: Values) -> Values:
         """The robot's estimate after its separators moved there; interiors go where the quadratic has its least."""
@@ -102,9 +105,11 @@ class Part:
         return self.system.retract(self.values, delta)
 
 
-def _full(complement: Array) -> Array:
-    """A dense block whose zeros are kept, so that its sparse pattern never changes between rounds."""
-    return 0.5 * (complement + complement.T)
+def _dense(complement: Array) -> sp.csr_array:
+    """A dense block as a sparse matrix that keeps its zeros: its structure must not change between rounds."""
+    n = len(complement)
+    symmetric = 0.5 * (complement + complement.T)
+    return sp.csr_array((symmetric.ravel(), np.tile(np.arange(n), n), np.arange(0, n * n + 1, n)), shape=(n, n))
 
 
 def exact_join(
@@ -183,13 +188,18 @@ class _Team:
         for part, values in zip(self.parts, self._local(self.values), strict=True):
             part.reduce()
             part.values = part.follow(values)
-        reduced = [part.reduce() for part in self.parts]
-        raw_cost = self._raw_cost(self.values)
-        cost = sum(r.cost for r in reduced) + raw_cost
+        near, curved = _NEAR, False
         for _ in range(max_rounds):
-            sent += 8 * sum(r.numbers for r in reduced) + 8 * sum(len(p.separators.state) for p in self.parts)
-            step, decrease = self._step(reduced)
+            try:
+                cost, step, decrease, numbers = self._round(curved)
+            except SolveError:
+                if not curved:
+                    raise
+                near, curved = 0.3 * near, False  # too far from the optimum for the curvature of the losses
+                continue
+            sent += 8 * numbers
             decrement = float(np.sqrt(max(decrease, 0.0)))
+            curved = curved or decrement < near
             share, taken = 1.0, None
             while share > 1e-4:
                 candidate = self._retract(share * step)
@@ -215,8 +225,6 @@ class _Team:
             if decrease <= gap * cost:
                 status = Status.CONVERGED  # and the last step, already known, is taken
                 break
-            reduced = [part.reduce() for part in self.parts]
-            cost = sum(r.cost for r in reduced) + self._raw_cost(self.values)
         return self._finish(component, status, history, sent)
 
     # --- one round ----------------------------------------------------------------------------------------------
@@ -225,7 +233,9 @@ class _Team:
         """Every part's separators, seen from its base."""
         return [values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts]
 
-    def _step(self, reduced: Sequence[Reduced]) -> tuple[Array, float]:
+    def _round(self, curved: bool) -> tuple[float, Array, float, int]:
+        """F here, the step, the decrease of F that it promises, and how many numbers went up and down."""
+        reduced = [part.reduce(curved=curved) for part in self.parts]
         terms = [
             SubmapTerm(p.submap.base, p.separators, r.information, r.slope)
             for p, r in zip(self.parts, reduced, strict=True)
@@ -239,10 +249,12 @@ class _Team:
             for number, term in enumerate(terms):
                 self.system.set_submap(number, term)
         assert self.factor is not None
-        at = self.system.linearise(self.values, curved=True)
+        at = self.system.linearise(self.values, curved=curved)
         self.factor.factorise(at.hessian.numbers)
         step = self.factor.solve(at.gradient)
-        return step, float(at.gradient @ step) + sum(r.interior for r in reduced)
+        decrease = float(at.gradient @ step) + sum(r.interior for r in reduced)
+        numbers = sum(r.numbers for r in reduced) + sum(len(p.separators.state) for p in self.parts)
+        return sum(r.cost for r in reduced) + self._raw_cost(self.values), step, decrease, numbers
 
     def _retract(self, step: Array) -> Values:
         assert self.system is not None

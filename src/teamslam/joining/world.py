@@ -33,7 +33,7 @@ def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values
     if fit.rigidity < 1e-6:
         raise SolveError(
             f"the map's orientation in the world is not determined: {len(here)} measured position(s) leave it free to "
-            f"turn; {'two at different places' if dim == 2 else 'three not in line'} would hold it, or one measured pose"
+            f"turn; {'two apart' if dim == 2 else 'three not in line'} would hold it, or one measured pose"
         )
     return start.transform(fit.pose), _none()
 

@@ -253,14 +253,21 @@ def optimise(
     if factor is None:
         factor = Factor(system.free, system.pattern, positions=start.positions(system.free.keys, 3), names=system.names)
     status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
-    floor, curved = 10.0 * system.rounding(start), False
+    floor, near, curved = 10.0 * system.rounding(start), _NEAR, False
     while len(history) < options.max_iterations:
-        delta, predicted, full_step = rule.propose(factor, at)
+        try:
+            delta, predicted, full_step = rule.propose(factor, at)
+        except SolveError:
+            if not curved:
+                raise
+            # The losses bend H out of shape: too far from the optimum for their curvature.
+            near, curved, at = 0.3 * near, False, system.linearise(values)
+            continue
         decrement = float(np.sqrt(max(predicted, 0.0))) if full_step else np.nan
         candidate = system.retract(values, delta)
         small = full_step and (decrement <= options.decrement or predicted <= options.cost_share * at.cost)
         # Reweighting is sure but slow, the loss's curvature fast but only near the optimum: within a few sigmas of it.
-        curved = curved or decrement < _NEAR
+        curved = curved or decrement < near
         after = system.linearise(candidate, curved=curved)
         actual = at.cost - after.cost
         if small:
