@@ -49,7 +49,7 @@ The paper's absolute figures cannot be compared with ours:
 - Trajectories, landmarks and number of poses are not published; ours are made up. The two scenarios are ours too:
   'minimum' keeps each robot's first and last sighting of each landmark and two sightings of robots.
 - The noise that the paper states cannot give the errors that it prints: the Cramer-Rao bound of such geometries is
-  several times larger. With sigma^2 taken for sigma, two of the rows would fit.
+  several times larger. With sigma^2 in place of sigma, the first rows of both tables would fit.
 - Table 2 contradicts itself in the row sigma_obs = 0.2: the RMSE of the state (0.0162) lies below both of its parts
   (0.0200 and 0.0192).
 - Its ratios of joining to NLLS (1.1 to 2.8) look like single runs; single runs of ours scatter as widely.
@@ -264,7 +264,7 @@ def _as_submap(submap: Submap, start: Values) -> Submap:
     return replace(submap, values=start.only(submap.values.layout.keys))
 
 
-# --- text ---------------------------------------------------------------------------------------------------------------
+# --- text -------------------------------------------------------------------------------------------------------------
 
 
 def _lines(cell: Cell) -> Iterator[str]:

@@ -72,13 +72,13 @@ def test_drawing_leaves_the_settings_of_matplotlib_alone(scene: Scene) -> None:
     """Whoever calls keeps their own style, and nothing is registered with pyplot."""
     before = dict(matplotlib.rcParams)
     draw_map(scene)
-    draw_convergence({"join": [3.0, 1.0]})
+    draw_convergence({"a log": {"join": [3.0, 1.0]}})
     assert dict(matplotlib.rcParams) == before
 
 
 def test_convergence_names_each_line_with_its_final_objective() -> None:
     """The last cost stands in the legend."""
-    written = texts(draw_convergence({"join": [100.0, 7.5, 7.25], "full": [90.0, 7.0]}, caption="a log"))
+    written = texts(draw_convergence({"a log": {"join": [100.0, 7.5, 7.25], "full": [90.0, 7.0]}}))
     assert "join: 7.25" in written and "full: 7" in written and "iteration" in written and "a log" in written
 
 

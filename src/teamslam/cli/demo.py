@@ -78,10 +78,10 @@ def demo_methods() -> "dict[str, Config]":
 
 def overview(records: "dict[str, Record]") -> "Figure":
     """The joined maps of all teams in one figure."""
-    from teamslam.results.figures import errors_line, scene_of
+    from teamslam.results.figures import scene_of
     from teamslam.viz import draw_maps
 
     return draw_maps(
-        {title: (scene_of(record, 0), errors_line(record)) for title, record in records.items()},
+        {title: scene_of(record, 0) for title, record in records.items()},
         title="Submap joining: several robots, one map, no known start",
     )

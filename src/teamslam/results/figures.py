@@ -20,7 +20,7 @@ def figures_of(record: Record) -> "dict[str, Figure]":
     """New figures; nothing is saved. A map for each component; errors and consistency where the truth is known."""
     figures = {_numbered("map", n): draw_map(scene_of(record, n)) for n in range(len(record.maps))}
     if record.costs:
-        figures["convergence"] = draw_convergence({record.method: record.costs}, caption=headline(record))
+        figures["convergence"] = draw_convergence({headline(record): {record.method: record.costs}})
     if record.truth is not None:
         tracks = error_tracks(record.maps[0], record.truth, record.covariances[0])
         if tracks:

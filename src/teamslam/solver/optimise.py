@@ -229,6 +229,7 @@ RULES: dict[str, Callable[[], Rule]] = {
 
 DEFAULTS = Options()
 _NEAR = 3.0  # [sigmas]
+_ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
 def optimise(
@@ -285,6 +286,9 @@ def optimise(
                 status = Status.FLAT
                 break
             best, gain = decrement, 1.0
+        elif full_step and gain <= 0.0 and predicted <= _ROUNDING * at.cost:
+            status = Status.FLAT  # the cost is a sum of large terms of both signs, which rounds earlier
+            break
         try:
             accepted = rule.hear(gain)
         except StopIteration:

@@ -17,6 +17,7 @@ from teamslam.viz.scene import CONFIDENCE
 from teamslam.viz.style import INK, METHOD_COLOURS, QUIET, robot_colour, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -39,32 +40,41 @@ class ErrorTrack:
 
 
 @styled
-def draw_convergence(costs: Mapping[str, Sequence[float]], title: str = "", caption: str = "") -> "Figure":
-    """The objective against the iteration, a line for each name in `costs`, on a logarithmic scale.
+def draw_convergence(
+    panels: Mapping[str, Mapping[str, Sequence[float]]], title: str = "", caption: str = ""
+) -> "Figure":
+    """The objective against the iteration: a panel for each title in `panels`, a line for each name in it.
 
     Raises InputError where there is nothing to draw.
     """
-    if not any(len(c) for c in costs.values()):
+    if not any(len(cost) for costs in panels.values() for cost in costs.values()):
         raise InputError("no iteration to draw: the history of the solver is empty")
     from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(1.4 + 4.8 * len(panels), 3.8), layout="constrained")
+    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, (name, costs) in zip(grid, panels.items(), strict=True):
+        _cost_axes(axes, costs)
+        axes.set_title("\n".join(filter(None, (name, caption))), fontsize=8.5, fontweight="normal", color=INK)
+    grid[0].set_ylabel("objective (sum of losses)")
+    figure.suptitle(title or "Convergence of the objective", x=0.01, ha="left")
+    return figure
+
+
+def _cost_axes(axes: "Axes", costs: Mapping[str, Sequence[float]]) -> None:
+    """A line for each name; the scale is logarithmic where the objective falls to a third or less."""
     from matplotlib.ticker import MaxNLocator
 
-    figure = Figure(figsize=(6.2, 3.8), layout="constrained")
-    axes = figure.add_subplot()
     for order, (name, cost) in enumerate(costs.items()):
-        steps, colour = np.arange(len(cost)), METHOD_COLOURS.get(name, robot_colour(order))
-        dots = "o" if len(cost) <= 40 else None
-        axes.plot(steps, cost, marker=dots, ms=4, color=colour, mec="white", mew=0.5, label=f"{name}: {cost[-1]:.6g}")
-    spread = [c for cost in costs.values() for c in cost if c > 0.0]
-    if spread and max(spread) > 3.0 * min(spread):
+        dots, colour = "o" if len(cost) <= 40 else None, METHOD_COLOURS.get(name, robot_colour(order))
+        look = {"marker": dots, "ms": 4, "color": colour, "mec": "white", "mew": 0.5}
+        axes.plot(np.arange(len(cost)), cost, label=f"{name}: {cost[-1]:.6g}", **look)
+    positive = [c for cost in costs.values() for c in cost if c > 0.0]
+    if positive and max(positive) > 3.0 * min(positive):
         axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("iteration")
-    axes.set_ylabel("objective (sum of losses)")
-    axes.set_title(caption, fontsize=8.5, fontweight="normal", color=INK)
     axes.legend(title="final objective")
-    figure.suptitle(title or "Convergence of the objective", x=0.01, ha="left")
-    return figure
 
 
 @styled

@@ -54,8 +54,8 @@ def draw_map(scene: Scene) -> "Figure":
 
 
 @styled
-def draw_maps(scenes: Mapping[str, tuple[Scene, str]], title: str) -> "Figure":
-    """Several maps seen from above in one figure: a panel for each title, with its scene and a caption.
+def draw_maps(scenes: Mapping[str, Scene], title: str, *, columns: int = 2) -> "Figure":
+    """Several maps seen from above in one figure: a panel for each title in `scenes`, with the scene's caption.
 
     Raises InputError where there is no scene to draw.
     """
@@ -63,20 +63,26 @@ def draw_maps(scenes: Mapping[str, tuple[Scene, str]], title: str) -> "Figure":
         raise InputError("no map to draw")
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(0.4 + 4.6 * len(scenes), 5.9), layout="constrained")
-    grid = figure.subplots(1, len(scenes), squeeze=False)[0]
-    entries: dict[str, Any] = {}
-    for axes, (name, (scene, caption)) in zip(grid, scenes.items(), strict=True):
+    columns = min(columns, len(scenes))
+    rows = -(-len(scenes) // columns)
+    figure = Figure(figsize=(0.4 + 4.6 * columns, 0.7 + 5.2 * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    kinds: dict[str, Any] = {}
+    for axes, (name, scene) in zip(grid, scenes.items(), strict=False):
         plan_axes(axes, scene)
         times = scene.magnification(2) if scene.covariances else 1
-        enlarged = f"\n{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else "\n"
-        axes.set_title(caption + enlarged, fontsize=8.0, fontweight="normal", color=INK)
-        axes.text(0.0, 1.085, name, transform=axes.transAxes, fontweight="bold", fontsize=9.5)
+        enlarged = f"{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else ""
+        lines = [line for line in (scene.caption, enlarged) if line] or [""]
+        axes.set_title("\n".join(lines), fontsize=8.0, fontweight="normal", color=INK)
+        axes.annotate(name, (0, 1), xycoords="axes fraction", xytext=(0, 9 + 11 * len(lines)), fontweight="bold",
+                      textcoords="offset points", fontsize=9.5)  # fmt: skip
         handles, labels = legend_entries(axes)
-        entries = {**dict(zip(labels, handles, strict=True)), **entries}
-    kinds = {label: handle for label, handle in entries.items() if "robot " not in label and "drawn" not in label}
+        common = zip(labels, handles, strict=True)
+        kinds |= {label.split(",\ndrawn")[0]: handle for label, handle in common if not label.startswith("robot ")}
+    for axes in grid[len(scenes) :]:
+        axes.set_visible(False)
     figure.suptitle(title, x=0.01, ha="left")
-    figure.legend(kinds.values(), kinds.keys(), loc="outside lower center", ncols=len(kinds))
+    figure.legend(kinds.values(), kinds.keys(), loc="outside lower center", ncols=min(len(kinds), 6))
     return figure
 
 
