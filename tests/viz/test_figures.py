@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from teamslam.errors import InputError
-from teamslam.viz import ErrorTrack, Scene, draw_consistency, draw_convergence, draw_errors, draw_map
+from teamslam.viz import ErrorTrack, Scene, draw_consistency, draw_convergence, draw_errors, draw_map, draw_maps
 
 
 def texts(figure: Figure) -> str:
@@ -61,6 +61,18 @@ def test_ellipses_stand_where_the_estimate_is_and_have_the_size_of_the_covarianc
     area = np.pi * mine.width * mine.height / 4.0 / scene.magnification(2) ** 2
     expected = np.pi * -2.0 * np.log(0.05) * np.sqrt(np.linalg.det(scene.covariances[key][:2, :2]))
     assert area == pytest.approx(expected)
+
+
+def test_several_maps_stand_side_by_side_each_with_its_title_and_one_legend(scene_of) -> None:
+    """Three panels need two rows; each says how much its own regions are enlarged."""
+    scenes = {"near": scene_of(2), "sure": scene_of(2, sd=0.003), "far": scene_of(2, 60)}
+    figure = draw_maps(scenes, "Three maps")
+    written = texts(figure)
+    for word in ("Three maps", "near", "sure", "far", "times larger", "landmark, truth"):
+        assert word in written
+    assert sum(axes.get_visible() for axes in figure.axes) == 3 and len(figure.axes) == 4
+    with pytest.raises(InputError, match="no map"):
+        draw_maps({}, "nothing")
 
 
 def test_the_same_scene_gives_the_same_picture(scene: Scene) -> None:

@@ -6,7 +6,7 @@ and its NEES, e' P^-1 e / dof of each pose, near 1 and below the 95 % bound of c
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -67,7 +67,7 @@ def _cost_axes(axes: "Axes", costs: Mapping[str, Sequence[float]]) -> None:
 
     for order, (name, cost) in enumerate(costs.items()):
         dots, colour = "o" if len(cost) <= 40 else None, METHOD_COLOURS.get(name, robot_colour(order))
-        look = {"marker": dots, "ms": 4, "color": colour, "mec": "white", "mew": 0.5}
+        look: dict[str, Any] = {"marker": dots, "ms": 4, "color": colour, "mec": "white", "mew": 0.5}
         axes.plot(np.arange(len(cost)), cost, label=f"{name}: {cost[-1]:.6g}", **look)
     positive = [c for cost in costs.values() for c in cost if c > 0.0]
     if positive and max(positive) > 3.0 * min(positive):

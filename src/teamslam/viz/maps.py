@@ -71,8 +71,7 @@ def draw_maps(scenes: Mapping[str, Scene], title: str, *, columns: int = 2) -> "
     for axes, (name, scene) in zip(grid, scenes.items(), strict=False):
         plan_axes(axes, scene)
         times = scene.magnification(2) if scene.covariances else 1
-        enlarged = f"{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else ""
-        lines = [line for line in (scene.caption, enlarged) if line] or [""]
+        lines = [scene.caption, f"{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else ""]
         axes.set_title("\n".join(lines), fontsize=8.0, fontweight="normal", color=INK)
         axes.annotate(name, (0, 1), xycoords="axes fraction", xytext=(0, 9 + 11 * len(lines)), fontweight="bold",
                       textcoords="offset points", fontsize=9.5)  # fmt: skip
