@@ -64,15 +64,23 @@ def _turn(h: Array, n: Array, dim: int) -> Array:
 def _turn_direction(h: Array, n: Array, dim: int) -> Array:
     if dim == 2:
         return np.asarray((h + n + np.pi) % (2.0 * np.pi) - np.pi)
-    # h is reached from z by going -B(z) n along the sphere; B belongs to z, which is sought: a fixed point, found in a
-    # few rounds unless z is at a pole, where azimuth turns fast.
-    z = h
-    for _ in range(50):
-        away = (direction_basis(z) @ n[..., None])[..., 0]
-        z, before = (so3.exp(np.cross(z, away)) @ h[..., None])[..., 0], z
-        if np.abs(z - before).max(initial=0.0) < 1e-15:
-            break
-    return np.asarray(z / np.linalg.norm(z, axis=-1, keepdims=True))
+    # z (-) h is measured in the east and north of z, which is sought: h = c z - s (n_east east + n_north north), with
+    # c = cos |n|, s = sin |n| / |n|. Its third row is an equation for the elevation of z alone, the others give the
+    # azimuth.
+    size = np.linalg.norm(n, axis=-1)
+    c, s = np.cos(size), np.sinc(size / np.pi)
+    east, north = s * n[:, 0], s * n[:, 1]
+    reach = np.hypot(c, north)
+    elevation = np.arctan2(north, c) + np.arcsin(np.clip(h[:, 2] / reach, -1.0, 1.0))
+    ahead = c * np.cos(elevation) + north * np.sin(elevation)
+    azimuth = np.arctan2(h[:, 1], h[:, 0]) + np.arctan2(east, ahead)
+    level = np.cos(elevation)
+    z = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], -1)
+    # Within |n| of a pole there may be no such z: azimuth turns too fast. There n is taken in the east and north of h.
+    lost = (np.abs(h[:, 2]) > reach) | (level < 0.0)
+    away = (direction_basis(h) @ n[..., None])[..., 0]
+    turned = (so3.exp(np.cross(h, away)) @ h[..., None])[..., 0]
+    return np.where(lost[:, None], turned, z)
 
 
 def _range_then_direction(h: Array, n: Array, dim: int) -> Array:
