@@ -1,0 +1,61 @@
+"""One solver, one problem, one process: what run.py starts.
+
+    python benchmarks/measure.py SOLVER PROBLEM ESTIMATE REPETITIONS
+
+Prints a line of JSON after the solves and one more after the marginals, so that whoever stops it for being slow still
+has the first. Peak memory is counted from just before the first build, when imports and the problem are in memory.
+"""
+
+import gc
+import importlib
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from memory import forget_peak, peak_mb
+from problems import Problem
+
+
+def main(solver: str, problem_path: str, estimate_path: str, repetitions: int) -> None:
+    name, _, variant = solver.partition(":")
+    module = importlib.import_module(f"peers.{name}")
+    problem = Problem.load(Path(problem_path))
+    module.warm(problem)
+    gc.collect()
+    before = forget_peak()
+    rows: dict[str, list[float]] = {"build_ms": [], "solve_ms": [], "read_ms": [], "total_ms": []}
+    peak = 0.0
+    for repetition in range(repetitions + (repetitions > 1)):
+        gc.collect()
+        began = time.perf_counter()
+        model = module.build(problem, variant)
+        built = time.perf_counter()
+        solved_model, iterations = module.solve(model)
+        solved = time.perf_counter()
+        estimate = module.read(solved_model)
+        ended = time.perf_counter()
+        if repetition == 0:
+            peak = peak_mb() - before
+        if repetition > 0 or repetitions == 1:  # the first of several warms caches up
+            for part, seconds in zip(
+                rows, (built - began, solved - built, ended - solved, ended - began), strict=True
+            ):
+                rows[part].append(1e3 * seconds)
+    estimate.save(Path(estimate_path))
+    result = {"version": module.version(), "iterations": iterations, "peak_mb": peak, **rows}
+    print(json.dumps(result), flush=True)
+    if not hasattr(module, "marginals"):
+        return
+    times = []
+    for _ in range(1 if rows["solve_ms"][0] > 100.0 else 5):
+        began = time.perf_counter()
+        trace = module.marginals(solved_model)
+        times.append(1e3 * (time.perf_counter() - began))
+    print(json.dumps({**result, "marginals_ms": times, "trace": trace}), flush=True)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "2")
+    main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))

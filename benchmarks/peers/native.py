@@ -1,0 +1,63 @@
+"""The peers in C++: compiled here, against what the machine has."""
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Program:
+    """One source file and what it needs: `header` says whether it is there, `install` how to get it."""
+
+    source: str
+    header: str
+    flags: tuple[str, ...]
+    install: str
+    prefix: str = ""  # an environment variable that names where it is installed
+
+
+PROGRAMS = {
+    "ceres": Program(
+        "ceres.cpp",
+        "ceres/ceres.h",
+        ("-lceres", "-lglog", "-lcholmod"),
+        "apt-get install g++ libceres-dev libsuitesparse-dev libeigen3-dev",
+    ),
+    "g2o": Program(
+        "g2o.cpp",
+        "g2o/core/sparse_optimizer.h",
+        (
+            "-lg2o_core", "-lg2o_stuff", "-lg2o_types_slam2d", "-lg2o_types_slam3d", "-lg2o_solver_cholmod",
+            "-lg2o_solver_eigen", "-lg2o_ext_freeglut_minimal", "-lcholmod",
+        ),
+        "Debian has no package; build it from source and name the folder that holds its include/ and lib/ in G2O_ROOT",
+        "G2O_ROOT",
+    ),
+}  # fmt: skip
+INCLUDES = ("/usr/include/eigen3", "/usr/include/suitesparse")
+
+
+def missing(name: str) -> str:
+    """Why a program cannot be compiled here, or nothing."""
+    program = PROGRAMS[name]
+    if shutil.which("g++") is None:
+        return "no g++; apt-get install g++"
+    roots = [Path(os.environ.get(program.prefix, "/usr")), Path("/usr/local"), Path("/usr")]
+    return "" if any((root / "include" / program.header).exists() for root in roots) else program.install
+
+
+def compiled(name: str, folder: Path) -> Path:
+    """The program, compiled into a folder. Raises RuntimeError with the compiler's words where it does not compile."""
+    program, binary = PROGRAMS[name], folder / name
+    root = os.environ.get(program.prefix) if program.prefix else None
+    where = [f"-I{root}/include", f"-L{root}/lib", f"-Wl,-rpath,{root}/lib"] if root else []
+    command = ["g++", "-std=c++17", "-O3", "-DNDEBUG", *where, *(f"-I{folder}" for folder in INCLUDES)]
+    command += [str(HERE / program.source), "-o", str(binary), *(f for f in program.flags)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError("does not compile: " + done.stderr.strip().splitlines()[0])
+    return binary
