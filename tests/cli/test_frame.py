@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-COMMANDS = ("convert", "demo", "info", "paper", "plot", "run", "score", "simulate")
+from teamslam.cli import app
+
+COMMANDS = sorted(name for name in app if not name.startswith("-"))
 
 
 def test_help_names_every_command_and_the_exit_codes(teamslam) -> None:
@@ -77,3 +79,10 @@ def test_bad_calls_end_with_code_2_and_one_message(
         assert word in called.err
     assert "Traceback" not in called.err and called.out == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_that_cannot_be_written_is_one_message(teamslam, tmp_path: Path) -> None:
+    """A file where a folder should be: code 2, no traceback, nothing half."""
+    (tmp_path / "file").write_text("x")
+    called = teamslam("paper", "--runs", "1", "--poses", "4", "--out", tmp_path / "file" / "deeper")
+    assert called.code == 2 and "file" in called.err and "Traceback" not in called.err

@@ -62,6 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except TeamslamError as error:
         complain(str(error))
         return BAD_INPUT
+    except OSError as error:
+        complain(f"{error.filename or 'the output'}: {error.strerror or error}")
+        return BAD_INPUT
     except KeyboardInterrupt:
         complain("interrupted; nothing was written")
         return INTERRUPTED
