@@ -98,11 +98,11 @@ class RoundedInformation:
 
 @dataclass(frozen=True)
 class Form:
-    """A row of FORMS: where the numbers stand (row, column, in the order they are sent), how a matrix is rounded at
-    a fineness, and how it is restored."""
+    """A row of FORMS: where the numbers stand (row, column, in the order they are sent), what rounds a matrix at a
+    fineness to exponents and integers, and how these are restored."""
 
     places: Callable[[Layout, IntArray], tuple[IntArray, IntArray]]
-    round: Callable[[Array | sp.csr_array, tuple[IntArray, IntArray], float], tuple[IntArray, IntArray]]
+    rounding: Callable[[sp.csr_array, tuple[IntArray, IntArray]], Callable[[float], tuple[IntArray, IntArray]]]
     restore: Callable[[int, tuple[IntArray, IntArray], IntArray, IntArray], sp.csr_array]
 
 
@@ -118,18 +118,19 @@ def round_information(
         if name == "root" and layout.dof > LARGEST_ROOT:
             continue
         places = form.places(layout, pairs)
-
-        def attempt(
-            fineness: float, form: Form = form, places: tuple[IntArray, IntArray] = places
-        ) -> tuple[IntArray, IntArray] | None:
-            exponents, integers = form.round(information, places, fineness)
-            restored = form.restore(layout.dof, places, exponents, integers)
-            return (exponents, integers) if within(layout, information, restored, eta) else None
-
-        best = _coarsest(attempt)
+        best = _coarsest(form.rounding(information, places), _check(layout, information, form, places, eta))
         if best is not None:
             found.append(RoundedInformation(name, *best))
     return found
+
+
+def _check(
+    layout: Layout, information: sp.csr_array, form: Form, places: tuple[IntArray, IntArray], eta: float
+) -> Callable[[IntArray, IntArray], bool]:
+    def holds(exponents: IntArray, integers: IntArray) -> bool:
+        return within(layout, information, form.restore(layout.dof, places, exponents, integers), eta)
+
+    return holds
 
 
 def restore_information(layout: Layout, pairs: IntArray, rounded: RoundedInformation) -> sp.csr_array:
@@ -155,18 +156,18 @@ def within(layout: Layout, information: sp.csr_array, rounded: sp.csr_array, eta
 
 
 def _coarsest(
-    attempt: Callable[[float], tuple[IntArray, IntArray] | None],
+    rounded: Callable[[float], tuple[IntArray, IntArray]], holds: Callable[[IntArray, IntArray], bool]
 ) -> tuple[IntArray, IntArray] | None:
-    """The result at the coarsest fineness 2^(-k/4), k = 0 .. 180, that is within bounds."""
+    """The result at the coarsest fineness 2^(-k/4), k = 0 .. 180, that is within bounds, by bisection."""
     fine, coarse = 181, -1  # fine: known to do (or none does); coarse: known to fail
     best = None
     k = 32
     while fine - coarse > 1:
-        result = attempt(2.0 ** (-k / 4))
-        if result is None:
-            coarse = k
-        else:
+        result = rounded(2.0 ** (-k / 4))
+        if holds(*result):
             best, fine = result, k
+        else:
+            coarse = k
         k = (fine + coarse) // 2
     return best
 
@@ -217,14 +218,18 @@ def mirrored(dof: int, places: tuple[IntArray, IntArray], numbers: Array) -> sp.
 # --- form: entries ------------------------------------------------------------------------------------------------
 
 
-def _round_entries(
-    information: Array | sp.csr_array, places: tuple[IntArray, IntArray], fineness: float
-) -> tuple[IntArray, IntArray]:
-    matrix = sp.csr_array(information)
-    exponents = np.floor(0.5 * np.log2(fineness * np.maximum(matrix.diagonal(), 1e-300))).astype(np.int64)
+def _rounding_of_entries(
+    information: sp.csr_array, places: tuple[IntArray, IntArray]
+) -> Callable[[float], tuple[IntArray, IntArray]]:
     rows, columns = places
-    numbers = numbers_at(matrix, places)
-    return exponents, np.rint(np.ldexp(numbers, -(exponents[rows] + exponents[columns]))).astype(np.int64)
+    diagonal = np.maximum(information.diagonal(), 1e-300)
+    numbers = numbers_at(information, places)
+
+    def at(fineness: float) -> tuple[IntArray, IntArray]:
+        exponents = np.floor(0.5 * np.log2(fineness * diagonal)).astype(np.int64)
+        return exponents, np.rint(np.ldexp(numbers, -(exponents[rows] + exponents[columns]))).astype(np.int64)
+
+    return at
 
 
 def _restore_entries(
@@ -281,33 +286,35 @@ def eliminate_by_degree(variables: int, pairs: IntArray) -> tuple[IntArray, IntA
     return np.array(order, np.int64), np.array(sorted(filled), np.int64).reshape(-1, 2)
 
 
-def _round_root(
-    information: Array | sp.csr_array, places: tuple[IntArray, IntArray], fineness: float
-) -> tuple[IntArray, IntArray]:
+def _rounding_of_root(
+    information: sp.csr_array, places: tuple[IntArray, IntArray]
+) -> Callable[[float], tuple[IntArray, IntArray]]:
     rows, columns = places
     order = rows[rows == columns]  # the unknowns in their order of elimination
     n = len(order)
     place = np.zeros(n, np.int64)
     place[order] = np.arange(n)
-    dense = sp.csr_array(information).toarray()[np.ix_(order, order)]
-    upper = np.linalg.cholesky(dense).T
-    inverse = np.linalg.inv(upper)
-    pivots = np.diag(upper)
+    upper = np.linalg.cholesky(information.toarray()[np.ix_(order, order)]).T
+    inverse, pivots = np.linalg.inv(upper), np.diag(upper)
     pattern = np.zeros((n, n), bool)
     pattern[place[rows], place[columns]] = True
-    exponents = np.floor(np.log2(fineness * pivots)).astype(np.int64)
-    steps = np.ldexp(1.0, exponents)
-    integers, error = np.zeros((n, n)), np.zeros((n, n))
-    for j in range(n):
-        # What earlier columns' errors have put into E_ij is taken out again by this one.
-        target = upper[: j + 1, j] - pivots[j] * (error[: j + 1, :j] @ inverse[:j, j])
-        rounded = np.where(pattern[: j + 1, j], np.rint(target / steps[j]), 0.0)
-        rounded[j] = max(rounded[j], 1.0)
-        integers[: j + 1, j] = rounded
-        error[: j + 1, j] = rounded * steps[j] - upper[: j + 1, j]
-    out = np.zeros(n, np.int64)
-    out[order] = exponents
-    return out, integers[place[rows], place[columns]].astype(np.int64)
+
+    def at(fineness: float) -> tuple[IntArray, IntArray]:
+        exponents = np.floor(np.log2(fineness * pivots)).astype(np.int64)
+        steps = np.ldexp(1.0, exponents)
+        integers, error = np.zeros((n, n)), np.zeros((n, n))
+        for j in range(n):
+            # What earlier columns' errors have put into E_ij is taken out again by this one.
+            target = upper[: j + 1, j] - pivots[j] * (error[: j + 1, :j] @ inverse[:j, j])
+            rounded = np.where(pattern[: j + 1, j], np.rint(target / steps[j]), 0.0)
+            rounded[j] = max(rounded[j], 1.0)
+            integers[: j + 1, j] = rounded
+            error[: j + 1, j] = rounded * steps[j] - upper[: j + 1, j]
+        in_layout = np.zeros(n, np.int64)
+        in_layout[order] = exponents
+        return in_layout, integers[place[rows], place[columns]].astype(np.int64)
+
+    return at
 
 
 def _restore_root(dof: int, places: tuple[IntArray, IntArray], exponents: IntArray, integers: IntArray) -> sp.csr_array:
@@ -320,6 +327,6 @@ def _restore_root(dof: int, places: tuple[IntArray, IntArray], exponents: IntArr
 
 
 FORMS: dict[str, Form] = {
-    "entries": Form(upper_places, _round_entries, _restore_entries),
-    "root": Form(_root_places, _round_root, _restore_root),
+    "entries": Form(upper_places, _rounding_of_entries, _restore_entries),
+    "root": Form(_root_places, _rounding_of_root, _restore_root),
 }
