@@ -1,6 +1,6 @@
 """One solver, one problem, one process: what run.py starts.
 
-    python benchmarks/measure.py SOLVER PROBLEM ESTIMATE REPETITIONS
+    python benchmarks/measure.py PROBLEM ESTIMATE REPETITIONS MARGINALS(0|1) SOLVER:VARIANT
 
 Prints a line of JSON after the solves and one more after the marginals, so that whoever stops it for being slow still
 has the first. Peak memory is counted from just before the first build, when imports and the problem are in memory.
@@ -18,7 +18,7 @@ from memory import forget_peak, peak_mb
 from problems import Problem
 
 
-def main(solver: str, problem_path: str, estimate_path: str, repetitions: int) -> None:
+def main(problem_path: str, estimate_path: str, repetitions: int, wants_marginals: bool, solver: str) -> None:
     name, _, variant = solver.partition(":")
     module = importlib.import_module(f"peers.{name}")
     problem = Problem.load(Path(problem_path))
@@ -46,7 +46,7 @@ def main(solver: str, problem_path: str, estimate_path: str, repetitions: int) -
     estimate.save(Path(estimate_path))
     result = {"version": module.version(), "iterations": iterations, "peak_mb": peak, **rows}
     print(json.dumps(result), flush=True)
-    if not hasattr(module, "marginals"):
+    if not wants_marginals or not hasattr(module, "marginals"):
         return
     times = []
     for _ in range(1 if rows["solve_ms"][0] > 100.0 else 5):
@@ -58,4 +58,4 @@ def main(solver: str, problem_path: str, estimate_path: str, repetitions: int) -
 
 if __name__ == "__main__":
     os.environ.setdefault("OMP_NUM_THREADS", "2")
-    main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]))
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4] == "1", sys.argv[5])

@@ -294,7 +294,7 @@ class Model {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 5) return measure<Model<2>>(argc, argv, CERES_VERSION_STRING);
+  if (argc != 6) return measure<Model<2>>(argc, argv, CERES_VERSION_STRING);
   return Problem(argv[1]).d == 2 ? measure<Model<2>>(argc, argv, CERES_VERSION_STRING)
                                  : measure<Model<3>>(argc, argv, CERES_VERSION_STRING);
 }

@@ -157,7 +157,7 @@ class Model {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 5) return measure<Model<Plane>>(argc, argv, G2O_VERSION);
+  if (argc != 6) return measure<Model<Plane>>(argc, argv, G2O_VERSION);
   return Problem(argv[1]).d == 2 ? measure<Model<Plane>>(argc, argv, G2O_VERSION)
                                  : measure<Model<Space>>(argc, argv, G2O_VERSION);
 }

@@ -64,11 +64,11 @@ inline double forget_peak() {
   return peak_mb();
 }
 
-// PROGRAM PROBLEM ESTIMATE REPETITIONS VARIANT. `Model` has build in its constructor, solve() -> iterations, read(),
+// PROGRAM PROBLEM ESTIMATE REPETITIONS MARGINALS(0|1) VARIANT. `Model` has build in its constructor, solve() -> iterations, read(),
 // and marginals() -> the trace of all landmarks' covariances (nan: it has none).
 template <class Model>
 int measure(int argc, char** argv, const char* version) {
-  if (argc != 5) {
+  if (argc != 6) {
     std::cout << version << "\n";
     return argc == 1 ? 0 : 2;
   }
@@ -82,7 +82,7 @@ int measure(int argc, char** argv, const char* version) {
   for (int k = 0; k < repetitions + (repetitions > 1); ++k) {
     model.reset();
     const double began = now_ms();
-    model = std::make_unique<Model>(problem, argv[4]);
+    model = std::make_unique<Model>(problem, argv[5]);
     const double built = now_ms();
     iterations = model->solve();
     const double solved = now_ms();
@@ -108,6 +108,7 @@ int measure(int argc, char** argv, const char* version) {
          << ", \"build_ms\": " << list(build) << ", \"solve_ms\": " << list(solve) << ", \"read_ms\": " << list(read)
          << ", \"total_ms\": " << list(total);
   std::cout << result.str() << "}" << std::endl;
+  if (argv[4][0] != '1') return 0;
   std::vector<double> marginals;
   double trace = 0.0;
   for (int k = 0; k < (solve[0] > 100.0 ? 1 : 5); ++k) {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).parent
+BUILD = HERE.parent.parent / "build" / "benchmarks"
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,19 @@ def missing(name: str) -> str:
     return "" if any((root / "include" / program.header).exists() for root in roots) else program.install
 
 
-def compiled(name: str, folder: Path) -> Path:
-    """The program, compiled into a folder. Raises RuntimeError with the compiler's words where it does not compile."""
-    program, binary = PROGRAMS[name], folder / name
+def compiled(name: str) -> Path:
+    """The program, compiled where it is older than its source. Raises RuntimeError where it does not compile."""
+    program, binary = PROGRAMS[name], BUILD / name
+    sources = [HERE / program.source, HERE / "native.hpp"]
+    if binary.exists() and binary.stat().st_mtime > max(s.stat().st_mtime for s in sources):
+        return binary
+    BUILD.mkdir(parents=True, exist_ok=True)
     root = os.environ.get(program.prefix) if program.prefix else None
     where = [f"-I{root}/include", f"-L{root}/lib", f"-Wl,-rpath,{root}/lib"] if root else []
     command = ["g++", "-std=c++17", "-O3", "-DNDEBUG", *where, *(f"-I{folder}" for folder in INCLUDES)]
     command += [str(HERE / program.source), "-o", str(binary), *(f for f in program.flags)]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
-        raise RuntimeError("does not compile: " + done.stderr.strip().splitlines()[0])
+        errors = [line for line in done.stderr.splitlines() if "error" in line]
+        raise RuntimeError(f"does not compile: {(errors or [done.stderr])[0]}")
     return binary
