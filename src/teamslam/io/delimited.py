@@ -122,8 +122,6 @@ def read_csv(path: Path) -> Csv:
     """
     text = read_text(path)
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    if not first:
-        raise InputError("empty; expected a header line with the names of the columns", path=path, line=1)
     separator = max(",;\t", key=first.count)
     header: list[str] | None = None
     rows, lines = [], []
@@ -146,7 +144,8 @@ def read_csv(path: Path) -> Csv:
             lines.append(reader.line_num)
     except csv.Error as error:
         raise InputError(f"not a CSV file: {error}", path=path, line=reader.line_num) from None
-    assert header is not None
+    if header is None:
+        raise InputError("empty; expected a header line with the names of the columns", path=path, line=1)
     for name in header:
         if header.count(name) > 1:
             raise InputError("this column stands twice in the header", path=path, line=1, field=name)

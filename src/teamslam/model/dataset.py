@@ -65,7 +65,7 @@ class Dataset:
             marks = np.unique(table.keys[is_landmark(table.keys)])
             keys.append(marks)
             kinds.append(np.full(len(marks), int((pose_kind if table.row.targets_pose else point_kind)(table.dim))))
-        if not keys:
+        if not sum(map(len, keys)):
             return Layout.of(np.zeros(0), np.zeros(0))
         all_keys, all_kinds = np.concatenate(keys), np.concatenate(kinds)
         # Several tables may see one landmark: space beats the plane, and a pose beats a point.

@@ -26,6 +26,7 @@ from teamslam.io.plain.columns import (
 )
 from teamslam.io.plain.schema import FILE
 from teamslam.model import (
+    SQUARED,
     Dataset,
     Dropped,
     Names,
@@ -101,7 +102,7 @@ def _log(table: Table, names: Names, files: dict[str, str], taken: dict[tuple[in
     taken[table.robot, table.source] = max(first + len(table), int(table.ids.max(initial=-1)) + 1)
     if table.sensor is not None:
         log["sensor"] = dict(zip(POSE[table.sensor.dim], write_poses(table.sensor).tolist(), strict=True))
-    if table.loss.name != "squared":
+    if table.loss != SQUARED:
         log |= {"loss": table.loss.name, "loss_scale": table.loss.scale}
     files[file] = _csv(columns)
     return log
