@@ -146,15 +146,20 @@ class Interior:
 
         Raises ModelError where the joined map lacks the submap's base or one of the variables that were kept.
         """
-        known, layout = joined.all_values, self.submap.values.layout
-        kept = layout.keys[~self._gone]
-        missing = np.append(kept, self.submap.base)
+        return self.recover_from(joined.all_values)
+
+    def recover_from(self, known: Values) -> Values:
+        """`recover`, from the joined estimate of at least the base and the variables that were kept."""
+        layout = self.submap.values.layout
+        missing = np.append(layout.keys[~self._gone], self.submap.base)
         missing = missing[~known.layout.contains(missing)]
         if len(missing):
             raise ModelError(
-                f"the map {joined.id} does not hold {joined.names.describe(int(missing[0]))}, on which submap "
+                f"the map does not hold {self.submap.names.describe(int(missing[0]))}, on which submap "
                 f"{self.submap.id} hangs; recover interiors from a map that the submap was joined into"
             )
+        if not len(self.keys):
+            return self.submap.values.select(self._gone)
         frame = known.poses_of(np.array(self.submap.base), self.submap.base_dim)
         error = self.submap.values.select(~self._gone).minus(_seen_from(frame, known, layout.select(~self._gone)))
         shift = self._factor.solve(self._coupling @ error)  # -e_b

@@ -68,7 +68,7 @@ class Cluster:
                 "a cluster needs the package distributed; install it with `pip install teamslam[cluster]`"
             ) from None
         try:
-            client = Client(self.address, timeout="10s", set_as_default=False)
+            client = Client(self.address, timeout="10s", set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise InputError(f"no dask scheduler answers at {self.address}: {error}", field="cluster") from None
         return _ClusterExecutor(client)

@@ -1,0 +1,127 @@
+"""A team's map in files: what joining by a tree leaves behind, and how to look at it.
+
+All of it need not fit into memory: robots are looked at one by one. Where it does fit, `gather` makes of it the map
+that `teamslam.join` gives.
+"""
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from teamslam.geometry import BoolArray, IntArray
+from teamslam.io.arrays import read_submap
+from teamslam.io.tum import write_trajectories
+from teamslam.joining import Component, Joined
+from teamslam.joining.carry import Carrier
+from teamslam.joining.join import in_order, joined_map, usable_rows
+from teamslam.model import WORLD, Layout, Values, is_landmark, robot_of
+from teamslam.model.values import rows_of
+from teamslam.solver import Options, SubmapTerm, System, optimise
+from teamslam.solver.optimise import DEFAULTS
+
+
+@dataclass(frozen=True, eq=False)
+class TreeMap:
+    """`joined`: the variables that the last joined groups shared, with their information; one component for each part
+    of the team that hangs together. `estimates`: by component, the files that hold all variables, in the frame of the
+    component's map. `submaps`: the files of the leaves."""
+
+    joined: Joined
+    estimates: tuple[tuple[Path, ...], ...]
+    submaps: tuple[Path, ...]
+
+    def values(self, component: int = 0, *, robot: int | None = None) -> Values:
+        """The estimate of all variables of a component, its frame among them; or of one robot's poses alone."""
+        return _together([_of_robot(read_values(file), robot) for file in self.estimates[component]])
+
+    def landmarks(self, component: int = 0) -> Values:
+        """The estimate of a component's landmarks."""
+        return _together([_of_landmarks(read_values(file)) for file in self.estimates[component]])
+
+    def write_trajectories(self, folder: Path) -> list[Path]:
+        """Each robot's way as `<robot>.tum`, in folders `part_2`, ... those of further components. One robot is in
+        memory at a time."""
+        files = []
+        for number, component in enumerate(self.joined.components):
+            place = folder if number == 0 else folder / f"part_{number + 1}"
+            for robot in component.map.robots:
+                files += write_trajectories(self.values(number, robot=robot), component.map.names, place)
+        return files
+
+
+def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
+    """The whole map in memory, with its information: all submaps joined at once, from the tree's estimate on.
+
+    Law: the optimum is that of `teamslam.join`; what the levels of the tree left to second order is removed.
+    """
+    submaps = {submap.id: submap for submap in map(read_submap, tree.submaps)}
+    components = []
+    for number, component in enumerate(tree.joined.components):
+        members = in_order(submaps[id_] for id_ in component.members)
+        raw, _ = usable_rows([t for m in members for t in m.raw], (start := tree.values(number)).layout)
+        if len(members) == 1 and not raw:
+            components.append(Component(members[0], None, component.members))
+            continue
+        fixed = np.array([b for b in (component.map.base,) if b != WORLD], np.int64)
+        names = members[0].names.merge(m.names for m in members[1:])
+        terms = [SubmapTerm.of(member) for member in members]
+        move = Carrier(start.layout, members).move
+        system = System(start.layout, tables=raw, submaps=terms, fixed=fixed, names=names, move=move)
+        solution = optimise(system, start, options)
+        whole = replace(joined_map(members, raw, solution, fixed, names), base_dim=component.map.base_dim)
+        components.append(Component(whole, solution, component.members))
+    return Joined(tuple(components), tree.joined.reasons)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def write_values(values: Values, path: Path) -> None:
+    """An estimate as arrays keys, kinds, state: whole or not at all."""
+    with whole_file(path) as file:
+        np.savez(file, keys=values.layout.keys, kinds=values.layout.kinds, state=values.state)
+
+
+def read_values(path: Path) -> Values:
+    """What `write_values` wrote."""
+    with np.load(path, allow_pickle=False) as arrays:
+        return Values(Layout(arrays["keys"], arrays["kinds"]), arrays["state"])
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A draft that takes its place once it is written, so that a file that is there is whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        os.replace(draft, path)
+    except BaseException:
+        Path(draft).unlink(missing_ok=True)
+        raise
+
+
+def _of_robot(values: Values, robot: int | None) -> Values:
+    return values if robot is None else values.select(robot_of(values.layout.keys) == robot)
+
+
+def _of_landmarks(values: Values) -> Values:
+    mask: BoolArray = is_landmark(values.layout.keys)
+    return values.select(mask)
+
+
+def _together(parts: Sequence[Values]) -> Values:
+    """Estimates that agree where they overlap, as one."""
+    layout = Layout.of(np.concatenate([p.layout.keys for p in parts]), np.concatenate([p.layout.kinds for p in parts]))
+    state = np.zeros(int(layout.state_start[-1]))
+    for part in parts:
+        at: IntArray = layout.index(part.layout.keys)
+        state[rows_of(layout.state_start[at], np.diff(part.layout.state_start))] = part.state
+    return Values(layout, state)
