@@ -419,6 +419,8 @@ DAMAGE: dict[str, tuple[dict[str, str], str]] = {
         {"team": TEAM.replace('"range_bearing"', '"range"\ndim = 3').replace("[0.1, 0.02]", "[0.1]")
                  + '[truth]\nlandmarks = "marks.csv"\n',
          "landmarks": "stamp,landmark,range\n0,7,1\n", "marks": "landmark,x,y\n7,1,2\n"}, "needs them too"),
+    "a robot of another dimension": (
+        {"team": TEAM.replace('name = "red"', 'name = "red"\ndim = 3')}, "of dimension 2, but robot red has dim = 3"),
     "a bent quaternion": (
         {"team": TEAM.replace("0.1, 0.1, 0.1", "1, 1, 1, 1, 1, 1").replace('name = "red"', 'name = "red"\ndim = 3'),
          "odometry": "from_stamp,to_stamp,x,y,z,qw,qx,qy,qz\n0,1,1,0,0,1,0,1,0\n"}, "line 2, field 'qw'.*length 1"),

@@ -113,6 +113,8 @@ def _read_tables(csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tup
     tables = []
     for robot in _speakers(log, roster, robots):
         rows = np.flatnonzero(robots == robot)
+        if team.keyframes == "interpolate" and MODELS[log.model].targets_pose:
+            _check_dim(csv, dim, roster, robot, at_least=not csv.has("from_stamp"))
         first = taken.get((robot, source), 0)
         ids = np.arange(first, first + len(rows)) if given_ids is None else _ids(csv, given_ids, rows)
         taken[robot, source] = max(first + len(rows), int(ids.max(initial=-1)) + 1)
@@ -171,11 +173,15 @@ def _read_streams(csv: Csv, log: Log, team: Team, roster: Roster) -> list[Stream
     return streams
 
 
-def _check_dim(csv: Csv, dim: int, roster: Roster, robot: int) -> None:
-    if roster.dims[robot] != dim:
-        entry = roster.entries[robot]
+def _check_dim(csv: Csv, dim: int, roster: Roster, robot: int, *, at_least: bool = False) -> None:
+    """InputError where poses are not of the robot's dimension (or more: a planar robot may see tags in space)."""
+    entry = roster.entries[robot]
+    if dim != entry.dim and not (at_least and dim > entry.dim):
         raise InputError(
-            f"these poses have {dim} dimensions, but robot {entry.name} has dim = {entry.dim} in {FILE}", path=csv.path
+            f"these poses are of dimension {dim}, but robot {entry.name} has dim = {entry.dim} in {FILE}; "
+            f"change it there, or give poses with the columns {', '.join(value_columns('pose', entry.dim))}",
+            path=csv.path,
+            line=1,
         )
 
 
