@@ -110,8 +110,8 @@ class Problem:
             checked(library.set_weights(self._pointer, handle, given))
 
     def set_curved(self, handle: int, curved: bool) -> None:
-        """Whether H holds the curvature of a table's loss: True for Newton-like steps, False (at first) for
-        information."""
+        """Whether H holds the curvature of a table's loss: True for Newton-like steps (it may be indefinite), False
+        (at first) for information."""
         self._known(self._tables, handle, "table")
         with self._lock:
             checked(library.set_curved(self._pointer, handle, int(curved)))
