@@ -38,7 +38,8 @@ def main(mrclam: Path | None, out: Path) -> None:
             page.append(f"## {space}, {sightings}\n\n" + table(TEAM_COLUMNS, rows))
             print(page[-1], flush=True)
     if mrclam is not None:
-        page += list(landmark_map(ts.read(mrclam)))
+        log = ts.read(mrclam)
+        page += [*landmark_map(log), *full_exchange(log)]
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text("\n".join(page), encoding="utf-8")
 
@@ -110,6 +111,33 @@ def landmark_map(log: Dataset) -> Iterator[str]:
     raw = ["raw log to the bit", *(f"{o.raw_bytes:,}" for o in own), "", ""]
     yield MRCLAM.format(marks=marks, numbers=2 * marks, information=marks * (2 * marks + 1))
     yield table(["rounded to", *names, "largest shift [sigma]", "bound [sigma]"], [*rows, raw])
+    yield what_sightings_of_robots_add(log, whole)
+
+
+def full_exchange(log: Dataset) -> Iterator[str]:
+    """What every submap and every sighting of a robot cost, for several spacings of keyframes."""
+    rows = []
+    for every in (1, 10, 50):
+        thinned = keyframe(log, every=every)
+        found = plan([(piece, build(piece)) for piece in split(thinned)], COMPACT)
+        robots = len(thinned.robots)
+        costs = [sum(len(offer.messages[kind]) for offer in found.offers) / robots for kind in KINDS]
+        sent = sum(len(offer.pick) for offer in found.offers) / robots
+        sightings = sum(len(t) for t in thinned.tables if t.source == "robots")
+        rows.append([f"one in {every}", str(sightings), *(f"{c:,.0f}" for c in costs), f"**{sent:,.0f}**"])
+    yield FULL_EXCHANGE.format(rows=sum(len(t) for t in log.tables))
+    yield table(["sightings of robots", "kept", *KINDS, "sent"], rows)
+
+
+def what_sightings_of_robots_add(log: Dataset, alone: Submap) -> str:
+    """How far the landmarks lie from where they would be with the sightings of robots."""
+    marks = alone.landmark_keys
+    with_them = join(build(piece) for piece in split(log)).map
+    shift = alone.values.only(marks).minus(with_them.values.only(marks))
+    mine, theirs = (np.sqrt(np.diag(Covariances.of_map(m).joint(marks))) for m in (alone, with_them))
+    return LEFT_OUT.format(
+        shift=np.abs(shift / mine).max(), metres=np.abs(shift).max(), ratio=float(np.mean(mine / theirs))
+    )
 
 
 def own_map(log: Dataset, robot: int) -> Own:
@@ -154,6 +182,17 @@ Five real robots. Each joins its own submaps at home (sightings of landmarks and
 are left out) and sends one message: its map condensed onto the {marks} landmarks, {numbers} numbers and a dense
 information matrix of {information}. Bytes of each robot's message, everything included; a good part of them says which
 rows of the log went in, so that nothing counts twice.
+"""
+
+LEFT_OUT = """The shift is what rounding costs. Leaving out the sightings of other robots costs more: with them all
+(every submap joined with every sighting) no landmark moves by more than {shift:.2f} sigma ({metres:.3f} m), and
+sigmas are {ratio:.1f} times smaller in the mean. Messages that hold these sightings are in the next table.
+"""
+
+FULL_EXCHANGE = """## All submaps of MRCLAM 6, sightings of robots included
+
+Bytes for each robot, rounded; {rows:,} measurements in all. A sighting of a robot here is a range and a bearing: it
+travels raw beside the submap, and both poses become separators.
 """
 
 if __name__ == "__main__":

@@ -25,35 +25,34 @@ def main(problem_path: str, estimate_path: str, repetitions: int, wants_marginal
     module.warm(problem)
     gc.collect()
     before = forget_peak()
-    rows: dict[str, list[float]] = {"build_ms": [], "solve_ms": [], "read_ms": [], "total_ms": []}
+    rows: dict[str, list[float]] = {"build_ms": [], "solve_ms": [], "read_ms": [], "total_ms": [], "cpu_ms": []}
     peak = 0.0
     for repetition in range(repetitions + (repetitions > 1)):
         gc.collect()
-        began = time.perf_counter()
+        used, began = time.process_time(), time.perf_counter()
         model = module.build(problem, variant)
         built = time.perf_counter()
         solved_model, iterations = module.solve(model)
         solved = time.perf_counter()
         estimate = module.read(solved_model)
-        ended = time.perf_counter()
+        ended, used = time.perf_counter(), time.process_time() - used
         if repetition == 0:
             peak = peak_mb() - before
         if repetition > 0 or repetitions == 1:  # the first of several warms caches up
-            for part, seconds in zip(
-                rows, (built - began, solved - built, ended - solved, ended - began), strict=True
-            ):
+            times = (built - began, solved - built, ended - solved, ended - began, used)
+            for part, seconds in zip(rows, times, strict=True):
                 rows[part].append(1e3 * seconds)
     estimate.save(Path(estimate_path))
     result = {"version": module.version(), "iterations": iterations, "peak_mb": peak, **rows}
     print(json.dumps(result), flush=True)
     if not wants_marginals or not hasattr(module, "marginals"):
         return
-    times = []
+    taken = []
     for _ in range(1 if rows["solve_ms"][0] > 100.0 else 5):
         began = time.perf_counter()
         trace = module.marginals(solved_model)
-        times.append(1e3 * (time.perf_counter() - began))
-    print(json.dumps({**result, "marginals_ms": times, "trace": trace}), flush=True)
+        taken.append(1e3 * (time.perf_counter() - began))
+    print(json.dumps({**result, "marginals_ms": taken, "trace": trace}), flush=True)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@
 Every solver gets the same arrays and the same start (dead reckoning), stops when a step lowers the cost by less than
 1e-8 of it, and its answer is judged by one neutral cost in NumPy: a row whose chi2 differs by more than 1e-8 from the
 least says so. Each measurement is a process of its own; rounds go through all solvers in turn, so that noise of the
-machine falls on all alike. Times are medians over all rounds [ms], total = build + solve + read back; marginals are all
-landmarks' covariances, linearised and factorised anew. Peak memory is what the solver adds to its process [MB].
+machine falls on all alike. Times are medians over all rounds [ms], total = build + solve + read back, cpu the time
+of all threads in it; marginals are all landmarks' covariances, linearised and factorised anew. Peak memory is what the solver adds to its process [MB].
 Solvers that are not installed, or do not end in time, are listed below the table with the reason.
 """
 
@@ -179,7 +179,7 @@ def summary(solver: Solver, results: list[dict[str, Any]]) -> dict[str, Any]:
     """The medians over all rounds, and the spread of the totals."""
     pool: Callable[[str], list[float]] = lambda part: [t for r in results for t in r.get(part, [])]
     row: dict[str, Any] = {"solver": solver.name, "version": results[0]["version"]}
-    for part in ("build_ms", "solve_ms", "read_ms", "total_ms", "marginals_ms"):
+    for part in ("build_ms", "solve_ms", "read_ms", "total_ms", "cpu_ms", "marginals_ms"):
         row[part] = statistics.median(pool(part)) if pool(part) else None
     totals = pool("total_ms")
     return row | {
@@ -195,10 +195,12 @@ def summary(solver: Solver, results: list[dict[str, Any]]) -> dict[str, Any]:
 def compare(rows: list[dict[str, Any]]) -> None:
     """Add to each row how many times the fastest it takes, and whether it reached the same optimum."""
     fastest = min(row["total_ms"] for row in rows)
+    thriftiest = min(row["cpu_ms"] for row in rows)
     quickest = min((row["marginals_ms"] for row in rows if row["marginals_ms"]), default=None)
     least = min(row["chi2"] for row in rows)
     for row in rows:
         row["ratio"] = row["total_ms"] / fastest
+        row["cpu_ratio"] = row["cpu_ms"] / thriftiest
         row["marginals_ratio"] = row["marginals_ms"] / quickest if row["marginals_ms"] else None
         row["same_optimum"] = bool(row["chi2"] <= least * (1.0 + SAME_OPTIMUM))
         if not row["same_optimum"] and not row["note"]:
@@ -214,13 +216,13 @@ def print_table(
         f"{len(problem.robots)} poses, {len(problem.start_P)} landmarks, {len(problem.seen)} sightings; "
         f"{options.rounds} round(s)\n\n{machine()}\n"
     )
-    head = "solver | version | build | solve | iterations | total | min - max | ratio | marginals | ratio | peak MB | chi2"
+    head = "solver | version | build | solve | iterations | total | min - max | ratio | cpu | ratio | marginals | ratio | peak MB | chi2"
     print(f"| {head} | |\n|{'---|' * (head.count('|') + 2)}")
     for row in rows:
         cells = [
             row["solver"], row["version"], number(row["build_ms"]), number(row["solve_ms"]), str(row["iterations"]),
             number(row["total_ms"]), f"{number(row['total_min_ms'])} - {number(row['total_max_ms'])}",
-            f"{row['ratio']:.2f}", number(row["marginals_ms"]),
+            f"{row['ratio']:.2f}", number(row["cpu_ms"]), f"{row['cpu_ratio']:.2f}", number(row["marginals_ms"]),
             f"{row['marginals_ratio']:.1f}" if row["marginals_ratio"] else "-",
             f"{row['peak_mb']:.0f}", f"{row['chi2']:.4f}", row["note"],
         ]  # fmt: skip

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <iostream>
 #include <sstream>
@@ -77,24 +78,25 @@ int measure(int argc, char** argv, const char* version) {
   const double before = forget_peak();
   double peak = 0.0;
   int iterations = 0;
-  std::vector<double> build, solve, read, total;
+  std::vector<double> build, solve, read, total, cpu;
   std::unique_ptr<Model> model;
   for (int k = 0; k < repetitions + (repetitions > 1); ++k) {
     model.reset();
+    const std::clock_t used = std::clock();  // of all threads
     const double began = now_ms();
     model = std::make_unique<Model>(problem, argv[5]);
     const double built = now_ms();
     iterations = model->solve();
     const double solved = now_ms();
     const Estimate estimate = model->read();
-    const double ended = now_ms();
+    const double ended = now_ms(), busy = 1e3 * static_cast<double>(std::clock() - used) / CLOCKS_PER_SEC;
     if (k == 0) {
       peak = peak_mb() - before;
       estimate.save(argv[2]);
     }
     if (k == 0 && repetitions > 1) continue;  // the first of several warms caches up
     build.push_back(built - began), solve.push_back(solved - built);
-    read.push_back(ended - solved), total.push_back(ended - began);
+    read.push_back(ended - solved), total.push_back(ended - began), cpu.push_back(busy);
   }
   const auto list = [](const std::vector<double>& numbers) {
     std::ostringstream out;
@@ -106,7 +108,8 @@ int measure(int argc, char** argv, const char* version) {
   result.precision(12);
   result << "{\"version\": \"" << version << "\", \"iterations\": " << iterations << ", \"peak_mb\": " << peak
          << ", \"build_ms\": " << list(build) << ", \"solve_ms\": " << list(solve) << ", \"read_ms\": " << list(read)
-         << ", \"total_ms\": " << list(total);
+         << ", \"total_ms\": " << list(total)
+         << ", \"cpu_ms\": " << list(cpu);
   std::cout << result.str() << "}" << std::endl;
   if (argv[4][0] != '1') return 0;
   std::vector<double> marginals;

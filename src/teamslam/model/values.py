@@ -135,12 +135,13 @@ class Layout:
     def index(self, keys: int | AnyArray) -> IntArray:
         """The places of keys in the layout, shape of `keys`. Raises ModelError for a key that is not there."""
         keys = np.asarray(keys, np.int64)
-        there = self.contains(keys)
-        if not there.all():
-            raise ModelError(f"variable {int(keys[~there].flat[0])} is not among the {len(self)} of this layout")
         if keys.size == 0:
             return np.zeros(keys.shape, np.int64)
-        return np.asarray(self._order[np.searchsorted(self._sorted, keys)])
+        at = np.minimum(np.searchsorted(self._sorted, keys), max(len(self) - 1, 0))
+        there = self._sorted[at] == keys if len(self) else np.zeros(keys.shape, bool)
+        if not there.all():
+            raise ModelError(f"variable {int(keys[~there].flat[0])} is not among the {len(self)} of this layout")
+        return np.asarray(self._order[at])
 
     def unknowns(self, keys: AnyArray) -> IntArray:
         """The unknowns (columns of the tangent) of some variables, in the order of `keys`."""

@@ -1,0 +1,119 @@
+"""How often the full least squares from our own start reaches the cost of a start from the truth.
+
+    python benchmarks/starts.py [--teams 10000] [--workers 2] [--out docs/benchmarks/starts.md]
+
+Teams of the paper's simulation at its highest noise (0.3 and 0.4, metres and radians), a quarter each of its two
+scenarios with 4 and 12 poses a robot; team n of each has seed n. Ours: `teamslam.full(dataset)`, which sees the
+measurements alone. Truth: the same least squares from the true values. A team counts as reached where our cost is at
+most (1 + 1e-6) times the truth's.
+"""
+
+import argparse
+import os
+import platform
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from teamslam.joining import full
+from teamslam.sim.paper import NOISE_LEVELS, SCENARIOS, PaperOptions, simulate_paper
+from teamslam.solver import System, optimise
+
+POSES = (4, 12)
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One team: both costs, what joined, and the seconds that ours took."""
+
+    seed: int
+    ours: float
+    from_truth: float
+    components: int
+    converged: bool
+    seconds: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether our cost is the truth start's, or lower."""
+        return self.components == 1 and self.ours <= (1.0 + TOLERANCE) * self.from_truth
+
+    @property
+    def lower(self) -> bool:
+        """Whether ours is lower than the truth start's."""
+        return self.reached and self.ours < (1.0 - TOLERANCE) * self.from_truth
+
+
+def one_team(scenario: str, poses: int, seed: int) -> Outcome:
+    """Both solves of one simulated team."""
+    dataset = simulate_paper(PaperOptions(scenario, poses, *NOISE_LEVELS[-1]), seed)
+    began = time.perf_counter()
+    found = full(dataset)
+    seconds = time.perf_counter() - began
+    assert dataset.truth is not None
+    base = found.map.base
+    truth = dataset.truth.only(dataset.layout.keys)
+    truth = truth.transform(truth.pose(base).inverse())
+    reference = optimise(System(truth.layout, tables=dataset.tables, fixed=np.array([base])), truth)
+    return Outcome(seed, found.map.cost, reference.cost, len(found.components), found.converged, seconds)
+
+
+def cell(scenario: str, poses: int, teams: int, pool: ProcessPoolExecutor) -> list[Outcome]:
+    """All teams of one scenario and length."""
+    return list(pool.map(one_team, [scenario] * teams, [poses] * teams, range(teams), chunksize=25))
+
+
+def row(scenario: str, poses: int, outcomes: Sequence[Outcome]) -> str:
+    """One line of the table."""
+    n = len(outcomes)
+    reached, lower = sum(o.reached for o in outcomes), sum(o.lower for o in outcomes)
+    split_up, open_ = sum(o.components > 1 for o in outcomes), sum(not o.converged for o in outcomes)
+    median_ms = 1e3 * float(np.median([o.seconds for o in outcomes]))
+    return (
+        f"| {scenario} | {poses} | {n} | {reached} | {100.0 * reached / n:.2f} % | {lower} | {split_up} | {open_} "
+        f"| {median_ms:.0f} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--teams", type=int, default=10_000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    per_cell = arguments.teams // (len(SCENARIOS) * len(POSES))
+    lines = [
+        "| scenario | poses | teams | reached | share | lower than truth start | in pieces | not converged | median ms |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    everything: list[Outcome] = []
+    print("\n".join(lines), flush=True)
+    with ProcessPoolExecutor(arguments.workers) as pool:
+        for scenario in SCENARIOS:
+            for poses in POSES:
+                outcomes = cell(scenario, poses, per_cell, pool)
+                everything += outcomes
+                lines.append(row(scenario, poses, outcomes))
+                print(lines[-1], flush=True)
+                for o in outcomes:
+                    if not o.reached:
+                        print(f"    seed {o.seed}: {o.ours:.6f}, from the truth {o.from_truth:.6f}", flush=True)
+    reached = sum(o.reached for o in everything)
+    summary = f"{reached} of {len(everything)} teams reached ({100.0 * reached / len(everything):.2f} %)."
+    print(summary)
+    if arguments.out:
+        command = f"python benchmarks/starts.py --teams {arguments.teams} --workers {arguments.workers}"
+        page = ["# Starts", "", __doc__.split("\n\n", 2)[2].strip(), "", *lines, "", summary, ""]
+        page += [f"Command: `{command}`. Machine: {os.cpu_count()} cores, {platform.machine()}.", ""]
+        arguments.out.write_text("\n".join(page))
+
+
+if __name__ == "__main__":
+    main()
