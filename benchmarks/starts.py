@@ -90,7 +90,7 @@ def main() -> None:
     arguments = parser.parse_args()
     per_cell = arguments.teams // (len(SCENARIOS) * len(POSES))
     lines = [
-        "| scenario | poses | teams | reached | share | lower than truth start | in pieces | not converged | median ms |",
+        "| scenario | poses | teams | reached | share | lower than truth | in pieces | not converged | median ms |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     everything: list[Outcome] = []

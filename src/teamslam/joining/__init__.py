@@ -1,6 +1,6 @@
 """Submaps made from logs, and joined into one map."""
 
-from teamslam.joining.build import build, build_with_solution
+from teamslam.joining.build import build, build_alternatives, build_with_solution
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
 from teamslam.joining.exact import exact_join
 from teamslam.joining.full import full
@@ -15,6 +15,7 @@ __all__ = [
     "Interior",
     "Joined",
     "build",
+    "build_alternatives",
     "build_with_solution",
     "condense",
     "condense_partially",

@@ -1,7 +1,7 @@
 """Algorithm 1: a submap from a robot's own measurements, in its own frame, with the information at the optimum.
 
     start:  dead reckoning, every target where it was first seen; of a long log, by pieces that are joined
-    solve:  minimise f(S) (paper, eq. 2)
+    solve:  minimise f(S) (paper, eq. 2); where the heading may be lost by a turn, from several starts, lowest cost
     keep :  S^ and I_S = J' W J at S^ (eq. 9), robust weights inside
 
 Dead reckoning is a start while the heading is known; a log on which it is not is cut into pieces on which it is,
@@ -13,7 +13,7 @@ sightings that leave part of their target open (a range or bearing to a robot ha
 robots, since a pose seen once leaves no residual by which a wrong sighting could be known.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,9 +21,10 @@ import numpy as np
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join import join
-from teamslam.joining.split import split
+from teamslam.joining.split import odometry_along, split
 from teamslam.joining.start import dead_reckoning, own_chain, place_targets
 from teamslam.joining.triangulate import triangulate
+from teamslam.joining.windings import windings
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
 from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
@@ -58,43 +59,85 @@ def build_with_solution(
     progress: Callable[[Step], None] | None = None,
 ) -> tuple[Submap, Solution]:
     """`build`, and the solver's account of it."""
+    return next(_optima(piece, id, version, options, progress))
+
+
+def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
+    """Every distinct local optimum that is found of a piece, lowest cost first: the first is what `build` gives.
+
+    There is more than one only where dead reckoning loses the heading (see `windings`). Which of them is right may
+    show only when the team's submaps meet. All have one id: a join takes one of them. Raises as `build` does.
+    """
+    return [submap for submap, _ in _optima(piece, None, 0, options, None)]
+
+
+def _optima(
+    piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
+) -> Iterator[tuple[Submap, Solution]]:
+    """The local optima of a piece as submaps, lowest first."""
     robot = _the_robot(piece)
     poses = own_chain(piece, robot)
     base = int(poses[0])
-    start = _start(piece, robot, options)
-    inside, raw = gaussian_part(piece.tables, robot, poses, start.layout)
-    start = start.only(np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)])))
-    system = System(start.layout, tables=inside, fixed=np.array([base]), names=piece.names)
-    solution = optimise(system, convex_start(system, start, options), options, progress)
-    if not solution.converged:
-        raise SolveError(_not_converged(solution))
-    submap = Submap(
-        id=id or f"{piece.names.robot(robot)}/{int(index_of(base))}",
-        version=version,
-        base=base,
-        base_dim=piece.robots[robot],
-        values=solution.values.select(solution.values.layout.keys != base),
-        information=solution.information,
-        sources=Sources.of(piece.tables),
-        names=piece.names,
-        raw=tuple(raw),
-        cost=solution.cost,
-        chi2=solution.chi2,
-        rows=solution.rows,
-    )
-    return submap, solution
+    starts = _starts(piece, robot, options)
+    inside, raw = gaussian_part(piece.tables, robot, poses, starts[0].layout)
+    held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
+    starts = [s.only(held) for s in starts if s.layout.contains(held).all()]
+    system = System(starts[0].layout, tables=inside, fixed=np.array([base]), names=piece.names)
+    for rank, start in enumerate(_distinct(system, starts, options)):
+        solution = optimise(system, convex_start(system, start, options), options, progress)
+        if rank > 0 and not solution.converged:
+            continue
+        if not solution.converged:
+            raise SolveError(_not_converged(solution))
+        submap = Submap(
+            id=id or f"{piece.names.robot(robot)}/{int(index_of(base))}",
+            version=version,
+            base=base,
+            base_dim=piece.robots[robot],
+            values=solution.values.select(solution.values.layout.keys != base),
+            information=solution.information,
+            sources=Sources.of(piece.tables),
+            names=piece.names,
+            raw=tuple(raw),
+            cost=solution.cost,
+            chi2=solution.chi2,
+            rows=solution.rows,
+        )
+        yield submap, solution
 
 
-def _start(piece: Dataset, robot: int, options: Options) -> Values:
+def _distinct(system: System, starts: Sequence[Values], options: Options) -> list[Values]:
+    """The basins that the starts lie in, each by one start near its optimum, lowest cost first."""
+    if len(starts) == 1:
+        return list(starts)
+    rough = replace(options, max_iterations=min(options.max_iterations, 3 * ROUGH), decrement=0.01)
+    tried = [optimise(system, convex_start(system, start, rough), rough) for start in starts]
+    found: list[Solution] = []
+    for solution in sorted(tried, key=lambda s: s.cost):
+        if all(_apart(system, solution, other) for other in found):
+            found.append(solution)
+    return [solution.values for solution in found]
+
+
+def _apart(system: System, one: Solution, other: Solution) -> bool:
+    """Whether two estimates of one system are more than a sigma apart."""
+    keys = system.free.keys
+    difference = one.values.only(keys).minus(other.values.only(keys))
+    return float(difference @ (other.information @ difference)) > 1.0
+
+
+def _starts(piece: Dataset, robot: int, options: Options) -> list[Values]:
     """Start values of everything that the piece's measurements fix, in the frame of its first pose."""
     parts = split(piece, heading_sigma=HEADING_SIGMA)
     if len(parts) == 1:
-        placed = place_targets(
-            dead_reckoning(piece, robot), piece.tables, _local_kinds(piece.layout, piece.robots[robot])
-        )
-        return triangulate(placed, piece.tables)
+        kinds = _local_kinds(piece.layout, piece.robots[robot])
+        way = dead_reckoning(piece, robot)
+        variances, _ = odometry_along(piece, robot, way.layout.keys)
+        return [
+            triangulate(place_targets(bent, piece.tables, kinds), piece.tables) for bent in windings(way, variances)
+        ]
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
-    return join((build(part, options=options) for part in parts), options=rough).map.all_values
+    return [join((build(part, options=options) for part in parts), options=rough).map.all_values]
 
 
 def _local_kinds(layout: Layout, dim: int) -> Layout:

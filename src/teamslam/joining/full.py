@@ -1,14 +1,17 @@
 """The full nonlinear least squares over all raw measurements: the baseline that joining must equal.
 
-It minimises F(G) = sum_i f_i over every measurement of every robot at once, starting from the joined submaps.
+It minimises F(G) = sum_i f_i over every measurement of every robot at once, starting from the joined submaps. Where a
+submap has several local optima, the one that the team's cost is lowest with is taken (see `choose`).
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.joining.build import build
+from teamslam.joining.build import ROUGH, build_alternatives
+from teamslam.joining.choose import lowest
 from teamslam.joining.join import Component, Joined, join
 from teamslam.joining.split import split
 from teamslam.joining.world import anchor
@@ -26,10 +29,17 @@ def full(
 ) -> Joined:
     """The optimum over all of a team's measurements, by components as `join` finds them.
 
-    `initial`: a join to start from; by default the log is split, built and joined here. Each component's map is in the
-    same frame as that of the join. Raises as `build` and `join` do.
+    `initial`: a join to start from, and from nowhere else; by default the log is split, built and joined here. Each
+    component's map is in the same frame as that of the join. Raises as `build` and `join` do.
     """
-    initial = initial or join((build(piece, options=options) for piece in split(dataset)), options=options)
+    if initial is not None:
+        return _from(dataset, initial, options, progress)
+    rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
+    alternatives = [build_alternatives(piece, options=options) for piece in split(dataset)]
+    return lowest(alternatives, lambda submaps: _from(dataset, join(submaps, options=rough), options, progress))
+
+
+def _from(dataset: Dataset, initial: Joined, options: Options, progress: Callable[[Step], None] | None) -> Joined:
     components = tuple(_full(dataset, c, options, progress) for c in initial.components)
     return Joined(components, initial.reasons)
 

@@ -33,7 +33,7 @@ def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_
     if not log.tables:
         return []
     poses = log.pose_keys[robot]
-    variance, linked = _odometry_along(log, robot, poses)
+    variance, linked = odometry_along(log, robot, poses)
     starts = _cuts(variance, linked, poses_per_piece, heading_sigma)
     piece_of_row = [_piece_of(table, poses[starts]) for table in log.tables]
     pieces = []
@@ -63,8 +63,9 @@ def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray,
     return which, row, backward
 
 
-def _odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, BoolArray]:
-    """The variance of the heading that each odometry step adds (n - 1,), and where there is a step at all."""
+def odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, BoolArray]:
+    """The variance of the heading that each odometry step adds (n - 1,), and where one pose hangs on the next at all:
+    by that step, or by a relative pose that reaches across."""
     which, row, _ = odometry_links(log, robot, poses)
     variance = np.zeros(len(which))
     for number, table in enumerate(log.tables):
@@ -74,7 +75,18 @@ def _odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, B
             covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
             turns = covariance[:, table.dim :, table.dim :]
             variance[steps] = np.trace(turns, axis1=1, axis2=2)
-    return variance, which >= 0
+    return variance, (which >= 0) | _reached_across(log, robot, poses)
+
+
+def _reached_across(log: Dataset, robot: int, poses: IntArray) -> BoolArray:
+    """Where (n - 1,) a relative pose between two of the robot's own poses reaches from before to after."""
+    begin_end = np.zeros(len(poses) + 1, np.int64)
+    for table in log.tables:
+        if table.model == "relative_pose":
+            own = np.searchsorted(poses, table.keys[(robot_of(table.keys) == robot).all(1)])
+            np.add.at(begin_end, own.min(1), 1)
+            np.add.at(begin_end, own.max(1), -1)
+    return np.asarray(np.cumsum(begin_end)[: max(len(poses) - 1, 0)] > 0)
 
 
 def _cuts(variance: Array, linked: BoolArray, poses_per_piece: int | None, heading_sigma: float | None) -> IntArray:
