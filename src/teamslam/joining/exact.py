@@ -67,7 +67,7 @@ class Part:
         keep = np.isin(free.keys, separators)
         dense = int(free.dofs[keep].sum())
         whole = submap.information.nnz
-        self.sends_whole = dense * dense >= whole
+        self.sends_whole = dense == 0 or dense * dense >= whole
         self.keep: BoolArray = np.ones(len(free), bool) if self.sends_whole else keep
         self.kept = free.select(self.keep)
         self._columns = free.unknowns(self.kept.keys)

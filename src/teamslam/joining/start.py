@@ -7,6 +7,8 @@ by the first sighting that fixes all of it: a pose by a relative pose, a point b
 from collections.abc import Iterable
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import breadth_first_order
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, concatenate, lift_points
@@ -24,41 +26,91 @@ def dead_reckoning(piece: Dataset, robot: int) -> Values:
     poses = own_chain(piece, robot)
     dim = piece.robots[robot]
     which, row, backward = odometry_links(piece, robot, poses)
+    if (which < 0).any():
+        return Values.of({pose_kind(dim): (poses, _compose_by_tree(piece, robot, poses))})
     steps = Pose.identity(dim, (len(which),))
     for number, table in enumerate(piece.tables):
         mask = which == number
         if mask.any():
-            measured = unpack(table.values[row[mask]], Kind(table.dim - 2))
-            assert isinstance(measured, Pose)
-            measured = _of_bodies(table, measured)
+            measured = _planar_or_whole(_of_bodies(table, unpack_poses(table)), dim)[row[mask]]
             measured = _choose(backward[mask] == 1, measured.inverse(), measured)
             rotation, translation = steps.rotation.copy(), steps.translation.copy()
-            rotation[mask] = measured.rotation[:, :dim, :dim]
-            translation[mask] = measured.translation[:, :dim]
+            rotation[mask], translation[mask] = measured.rotation, measured.translation
             steps = Pose(rotation, translation)
     return Values.of({pose_kind(dim): (poses, compose_along(steps))})
 
 
 def own_chain(piece: Dataset, robot: int) -> IntArray:
-    """The robot's poses that odometry links to the first one, in time order.
+    """The robot's poses that its relative poses link to the first one, in time order.
 
-    Poses beyond a gap may only be targets (of loop closures into another piece). Raises ModelError where one of them is
-    also an observer: the chain is broken within the piece.
+    As far as each pose is linked to the next, that is the chain, and poses beyond its end may only be targets (of loop
+    closures into another piece); in a graph that runs otherwise, all that hang together. Raises ModelError where an
+    observer hangs on nothing.
     """
     poses = piece.pose_keys[robot]
     which, _, _ = odometry_links(piece, robot, poses)
     gaps = np.flatnonzero(which < 0)
     if not len(gaps):
         return poses
-    chain, beyond = poses[: gaps[0] + 1], poses[gaps[0] + 1]
-    for table in piece.tables:
-        earlier = np.where((robot_of(table.keys) == robot).all(1), table.keys.min(1), table.keys[:, 0])
-        if ((earlier >= beyond) & (robot_of(earlier) == robot)).any():
-            raise ModelError(
-                f"no odometry between {piece.names.describe(int(chain[-1]))} and {piece.names.describe(int(beyond))}; "
-                f"cut the log there (teamslam.split does)"
-            )
-    return chain
+    chain = poses[: gaps[0] + 1]
+    observers = np.concatenate([_earlier(table, robot) for table in piece.tables])
+    observers = observers[robot_of(observers) == robot]
+    if observers.max() <= chain[-1]:
+        return chain
+    chain = poses[breadth_first_order(_own_graph(piece, robot, poses), 0, directed=False, return_predecessors=False)]
+    if lost := observers[~np.isin(observers, chain)].tolist():
+        raise ModelError(
+            f"no odometry links {piece.names.describe(lost[0])} to {piece.names.describe(int(poses[0]))}; "
+            f"cut the log there (teamslam.split does)"
+        )
+    return np.sort(chain)
+
+
+def _earlier(table: Table, robot: int) -> IntArray:
+    """The pose that each row belongs to: its observer, or the earlier of two of the robot's own poses."""
+    return np.where((robot_of(table.keys) == robot).all(1), table.keys.min(1), table.keys[:, 0])
+
+
+def _own_rows(piece: Dataset, robot: int) -> list[Table]:
+    """The relative poses between two of the robot's own poses."""
+    own = [t.select((robot_of(t.keys) == robot).all(1)) for t in piece.tables if t.model == "relative_pose"]
+    return [table for table in own if len(table)]
+
+
+def _own_graph(piece: Dataset, robot: int, poses: IntArray) -> sp.csr_array:
+    """Which of the robot's poses a relative pose links, by their places in `poses`; a number is 1 + its row's place
+    among all own rows."""
+    pairs = np.concatenate([t.keys for t in _own_rows(piece, robot)] or [np.zeros((0, 2), np.int64)])
+    there = np.isin(pairs, poses).all(1)
+    pairs, first = np.unique(np.searchsorted(poses, pairs[there]), axis=0, return_index=True)
+    number = 1 + np.flatnonzero(there)[first]
+    return sp.csr_array((number, (pairs[:, 0], pairs[:, 1])), shape=(len(poses), len(poses)))
+
+
+def _compose_by_tree(piece: Dataset, robot: int, poses: IntArray) -> Pose:
+    """The poses composed outwards from the first along a spanning tree of relative poses, nearest first."""
+    dim, graph = piece.robots[robot], _own_graph(piece, robot, poses)
+    measured = concatenate([_planar_or_whole(_of_bodies(t, unpack_poses(t)), dim) for t in _own_rows(piece, robot)])
+    order, above = breadth_first_order(graph, 0, directed=False)
+    rotation, translation = np.tile(np.eye(dim), (len(poses), 1, 1)), np.zeros((len(poses), dim))
+    for place in order[1:].tolist():
+        parent = int(above[place])
+        row = int(graph[parent, place]) - 1
+        step = measured[row] if row >= 0 else measured[int(graph[place, parent]) - 1].inverse()
+        pose = Pose(rotation[parent], translation[parent]) @ step
+        rotation[place], translation[place] = pose.rotation, pose.translation
+    return Pose(rotation, translation)
+
+
+def unpack_poses(table: Table) -> Pose:
+    """The measured poses of a table of relative poses."""
+    measured = unpack(table.values, Kind(table.dim - 2))
+    assert isinstance(measured, Pose)
+    return measured
+
+
+def _planar_or_whole(pose: Pose, dim: int) -> Pose:
+    return Pose(pose.rotation[:, :dim, :dim], pose.translation[:, :dim])
 
 
 def compose_along(steps: Pose) -> Pose:
