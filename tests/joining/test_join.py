@@ -55,7 +55,7 @@ def test_a_broken_chain_is_cut_and_a_whole_one_is_demanded() -> None:
     odometry, *others = dataset.tables
     broken = dataset.with_tables([odometry.select(np.arange(19) != 9), *others])
     assert len(split(broken, poses_per_piece=100)) == 2
-    with pytest.raises(ModelError, match="no odometry between"):
+    with pytest.raises(ModelError, match="no odometry links"):
         build(broken)
 
 
