@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from teamslam.io import read_submaps, write
+from teamslam.joining import build
+from teamslam.model import Dataset
+from teamslam.net.pieces import read_piece
 from worlds import team
 
 
@@ -85,3 +88,11 @@ def numbers(line: str) -> list[int]:
     """The six columns of numbers after the link's name."""
     cells = re.split(r"  +", line.strip())
     return [int(cell.replace(",", "")) for cell in cells[1:7]]
+
+
+def test_a_piece_is_called_what_its_submap_is_called(teamslam, log: Path, tmp_path: Path) -> None:
+    teamslam("split", log, "--out", tmp_path / "pieces", "--poses-per-piece", 8)
+    for file in (tmp_path / "pieces").iterdir():
+        piece = read_piece(file)
+        assert isinstance(piece.content, Dataset)
+        assert piece.id == build(piece.content).id

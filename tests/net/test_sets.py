@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teamslam.errors import ModelError
+from strategies import generators
+from teamslam.errors import InputError, ModelError
 from teamslam.joining import Joined, build, condense, join, separators, split
 from teamslam.model import Submap
-from teamslam.net import SubmapSet, receive, send
+from teamslam.net import COMPACT, SubmapSet, receive, send, send_raw
 from teamslam.net.messages import canonical
 from worlds import team
 
@@ -62,39 +63,38 @@ def message(event: Event) -> SubmapSet:
     what, of, version = event
     if what == "submap":
         submap = VERSIONS[str(of)][version - 1]
-        return SubmapSet.of(receive(send("sparse", submap, submap.values.layout.keys).data).submap())
+        return SubmapSet.of(send("sparse", submap, submap.values.layout.keys).data)
     if what == "remove":
         return SubmapSet().remove(str(of), version)
     return SubmapSet().remove_robot(int(of), version)
 
 
-@st.composite
-def schedules(draw: st.DrawFn) -> tuple[list[Event], list[Event]]:
+def schedule(rng: np.random.Generator) -> tuple[list[Event], list[Event]]:
     """What the team sent, and one robot's way of hearing it: some lost until the final resend, some twice, in any
     order."""
-    removals = draw(st.lists(events.filter(lambda e: e[0] != "submap"), max_size=2))
-    sent = [("submap", id_, 1) for id_ in draw(st.lists(st.sampled_from(IDS), min_size=2, unique=True))]
-    sent += [("submap", id_, 2) for id_ in draw(st.lists(st.sampled_from(IDS), max_size=2, unique=True))]
-    sent += removals
-    heard = draw(st.permutations(sent))
-    lost = draw(st.sets(st.integers(0, len(heard) - 1)))
-    heard = [e for n, e in enumerate(heard) if n not in lost]
-    again = draw(st.lists(st.sampled_from(sent), max_size=6))
-    resend = draw(st.permutations(sent))
-    return sent, heard + again + resend
+    sent: list[Event] = [("submap", id_, 1) for id_ in rng.permutation(IDS)[: rng.integers(2, len(IDS) + 1)]]
+    sent += [("submap", id_, 2) for id_ in rng.permutation(IDS)[: rng.integers(0, 3)]]
+    sent += [("remove", id_, int(rng.integers(1, 3))) for id_ in rng.permutation(IDS)[: rng.integers(0, 2)]]
+    if rng.random() < 0.2:
+        sent.append(("remove robot", int(rng.choice(ROBOTS)), int(rng.integers(1, 3))))
+    heard = [event for event in sent if rng.random() < 0.6]
+    again = [sent[n] for n in rng.integers(0, len(sent), rng.integers(0, 7))]
+    first = heard + again
+    return sent, [first[n] for n in rng.permutation(len(first))] + [sent[n] for n in rng.permutation(len(sent))]
 
 
 @settings(max_examples=1000)
-@given(schedules(), st.integers(0, 3))
-def test_any_schedule_gives_the_same_map_to_the_bit(schedule: tuple[list[Event], list[Event]], relays: int) -> None:
-    sent, heard = schedule
+@given(generators)
+def test_any_schedule_gives_the_same_map_to_the_bit(rng: np.random.Generator) -> None:
+    sent, heard = schedule(rng)
     reference = SubmapSet()
     for event in sent:
         reference = reference.merge(message(event))
     # What one robot hears comes by several relays that gossip at the end.
-    parts = [SubmapSet() for _ in range(relays + 1)]
-    for number, event in enumerate(heard):
-        parts[number % len(parts)] = parts[number % len(parts)].merge(message(event))
+    parts = [SubmapSet()] * int(rng.integers(1, 5))
+    for event in heard:
+        relay = int(rng.integers(len(parts)))
+        parts[relay] = parts[relay].merge(message(event))
     known = functools.reduce(SubmapSet.merge, reversed(parts))
     assert known == reference
     assert hash(known) == hash(reference)
@@ -159,3 +159,19 @@ def test_what_is_not_held_cannot_be_removed_without_a_version() -> None:
 def test_nothing_to_join_is_said() -> None:
     with pytest.raises(ModelError, match="empty"):
         SubmapSet().join()
+
+
+def test_rounded_and_raw_messages_are_held_as_they_came() -> None:
+    log = team("2d", robots=2, poses=6, landmarks=4, sees=0.8)
+    pieces = split(log, poses_per_piece=100)
+    submaps = [build(piece) for piece in pieces]
+    needed = separators(submaps)
+    rounded = send("condensed", submaps[0], needed[submaps[0].id], COMPACT)
+    raw = send_raw(pieces[1], submaps[1].id)
+    known = SubmapSet.of(rounded, raw.data)
+    assert known == SubmapSet.of(raw, rounded.data, rounded)
+    assert [s.id for s in known.submaps] == [s.id for s in submaps]
+    assert canonical(known.submaps[1]) == canonical(submaps[1])
+    assert to_bytes(known.join()) == to_bytes(join([receive(rounded.data).submap(), submaps[1]]))
+    with pytest.raises(InputError, match="damaged"):
+        known.add(rounded.data[:-1])

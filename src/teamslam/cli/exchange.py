@@ -88,6 +88,6 @@ def exchange(
     table(f"{log}: bytes on each link", ["link", "messages", *KINDS, "sent", "as"], rows)
     worst = max((offer.pick.rounding.shift_sigma for offer in found.offers), default=0.0)
     say("to the bit" if to_the_bit else f"rounded: a message moves the map by at most {worst:.3f} sigma")
-    for dropped in pieces[0].dropped:
-        say(f"left out: {dropped.count} rows: {dropped.reason}")
+    if keyframe is not None and pieces[0].dropped:
+        say(f"left out: {pieces[0].dropped[-1].count} {pieces[0].dropped[-1].reason}")
     return 0

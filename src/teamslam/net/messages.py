@@ -146,11 +146,6 @@ def canonical(submap: Submap) -> bytes:
     return body.content()
 
 
-def from_canonical(data: bytes) -> Submap:
-    """The submap in `canonical` bytes; the same bytes give the same submap on every machine, to the bit."""
-    return get_submap(Reader(data))
-
-
 def _seal(kind: str, id_: str, version: int, rounding: Precision, body: Writer) -> Message:
     head = Writer()
     head.number(KINDS.index(kind))

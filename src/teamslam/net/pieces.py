@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from teamslam.errors import InputError
-from teamslam.model import Dataset
+from teamslam.model import Dataset, index_of
 from teamslam.net.messages import Received, receive, send_raw
 
 SUFFIX = ".piece"
@@ -17,8 +17,9 @@ def write_pieces(pieces: Sequence[Dataset], folder: Path, *, version: int = 0) -
     width, files = len(str(len(pieces))), []
     for number, piece in enumerate(pieces, 1):
         robot = piece.tables[0].robot
+        id_ = f"{piece.names.robot(robot)}/{int(index_of(piece.pose_keys[robot][0]))}"  # as `build` calls it
         files.append(folder / f"{number:0{width}}_robot_{robot}{SUFFIX}")
-        files[-1].write_bytes(send_raw(piece, "", version).data)
+        files[-1].write_bytes(send_raw(piece, id_, version).data)
     return files
 
 

@@ -6,7 +6,8 @@
 
 So two robots that have heard the same things, in whatever order, hold the same map, byte for byte. Two different
 submaps under one id and version cannot be told apart by anyone: both are kept, and the id is left out of the join with
-the reason. A submap that was removed leaves no trace in the map: it is as if it had never been there.
+the reason; so a robot sends one message of a version, to whomever it sends it, and relays pass on the bytes that they
+heard. A submap that was removed leaves no trace in the map: it is as if it had never been there.
 Source: Shapiro et al., "Conflict-free replicated data types" (2011).
 """
 
@@ -19,14 +20,14 @@ from teamslam.errors import ModelError
 from teamslam.joining import Joined, join
 from teamslam.model import Submap
 from teamslam.net.admission import Admission, Refusal, admit, torn_reason
-from teamslam.net.messages import canonical, from_canonical
+from teamslam.net.messages import Message, receive, send
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
 
 @dataclass(frozen=True)
 class Held:
-    """What is known of one id: its newest version, whether that was a removal, and its content (canonical bytes; more
+    """What is known of one id: its newest version, whether that was a removal, and the message that brought it (more
     than one where the team contradicts itself)."""
 
     version: int
@@ -62,16 +63,22 @@ class SubmapSet:
         return frozenset(self.held.items()), frozenset(self.removed_robots.items())
 
     @classmethod
-    def of(cls, *submaps: Submap) -> "SubmapSet":
-        """The set of some submaps."""
+    def of(cls, *items: Submap | Message | bytes) -> "SubmapSet":
+        """The set of some submaps or messages."""
         out = cls()
-        for submap in submaps:
-            out = out.add(submap)
+        for item in items:
+            out = out.add(item)
         return out
 
-    def add(self, submap: Submap) -> "SubmapSet":
-        """With one more submap; older than what is known of its id, it changes nothing."""
-        return self.merge(SubmapSet({submap.id: Held(submap.version, False, frozenset({canonical(submap)}))}))
+    def add(self, item: Submap | Message | bytes) -> "SubmapSet":
+        """With one more submap, made here or come by message; older than what is known of its id, it changes nothing.
+
+        Raises InputError for bytes that are no sound message.
+        """
+        message = send("sparse", item, item.values.layout.keys) if isinstance(item, Submap) else item
+        data = message.data if isinstance(message, Message) else message
+        heard = receive(data)
+        return self.merge(SubmapSet({heard.id: Held(heard.version, False, frozenset({data}))}))
 
     def remove(self, id: str, version: int | None = None) -> "SubmapSet":
         """Without a submap, up to this version (by default the one held). A later version brings it back."""
@@ -126,10 +133,10 @@ class SubmapSet:
 
     @cached_property
     def _contents(self) -> dict[str, Submap]:
-        """The submaps that are there and of which there is one content: remade from bytes, so that it does not matter
-        whether a submap was made here or came by message."""
+        """The submaps that are there and of which there is one content: opened from the bytes, so that it does not
+        matter whether a submap was made here or came by message."""
         return {
-            id_: from_canonical(next(iter(entry.contents)))
+            id_: receive(next(iter(entry.contents))).submap()
             for id_, entry in sorted(self.held.items())
             if not entry.removed and len(entry.contents) == 1
         }

@@ -105,7 +105,7 @@ def join_in_tree(
 def _leaves(team: Crew, jobs: Sequence[Job], folder: Path, options: Options, tell: Progress) -> list[Leaf]:
     stage = "building submaps"
     tell(stage, 0, len(jobs))
-    tasks = [(job, folder, options) for job in jobs]
+    tasks = [(job, _name(job, options), folder, options) for job in jobs]
     leaves = team.each(_leaf, tasks, partial(tell, stage))
     by_id: dict[str, Leaf] = {}
     for leaf in leaves:
@@ -115,12 +115,15 @@ def _leaves(team: Crew, jobs: Sequence[Job], folder: Path, options: Options, tel
     return [in_time[place] for place in by_sharing([leaf.keys for leaf in in_time])]
 
 
-def _leaf(task: tuple[Job, Path, Options]) -> Leaf:
+def _name(job: Job, options: Options) -> str:
+    return _digest(job.read_bytes() if isinstance(job, Path) else pickle.dumps(job), repr(options))
+
+
+def _leaf(task: tuple[Job, str, Path, Options]) -> Leaf:
     """A worker builds a submap, or finds it built."""
-    job, folder, options = task
+    job, name, folder, options = task
     if isinstance(job, Path) and job.suffix == SUFFIX:
-        return _outline(_digest(job.read_bytes()), job, read_submap(job))
-    name = _digest(job.read_bytes() if isinstance(job, Path) else pickle.dumps(job), repr(options))
+        return _outline(name, job, read_submap(job))
     file = folder / "submaps" / f"{name}{SUFFIX}"
     if (submap := _finished(file)) is None:
         submap = read_piece(job).submap(options) if isinstance(job, Path) else build(job(), options=options)
@@ -131,7 +134,7 @@ def _leaf(task: tuple[Job, Path, Options]) -> Leaf:
 def _finished(file: Path) -> Submap | None:
     """The submap in a file, None where it is absent or damaged: then it is made again."""
     try:
-        return read_submap(file)
+        return read_submap(file, prove=False)
     except InputError:
         return None
 
@@ -174,7 +177,7 @@ def _upwards(
         done = team.each(_joined_group, joins, partial(tell, stage))
         groups = [group.parts for group in done]
         if root:
-            components = (Component(read_submap(p.whole), None, tuple(_ids(p, ids))) for p in groups[0])
+            components = (Component(read_submap(p.whole, prove=False), None, tuple(_ids(p, ids))) for p in groups[0])
             return groups[0], Joined(tuple(components), done[0].reasons)
 
 
@@ -183,7 +186,7 @@ def _condensed_leaf(task: tuple[str, Path, IntArray, Path]) -> Part:
     name, whole, shared, folder = task
     file = folder / "tree" / f"{_digest(name, shared.tobytes())}{SUFFIX}"
     if _finished(file) is None:
-        submap = read_submap(whole)
+        submap = read_submap(whole, prove=False)
         write_submap(condense(submap, _to_keep(submap, shared))[0], file)
     return Part(file, whole)
 
@@ -211,7 +214,7 @@ def _joined_group(task: tuple[tuple[Part, ...], IntArray | None, Path, Options])
     note = folder / "tree" / f"{name}.json"
     if (found := _noted(note, parts)) is not None:
         return found
-    maps = {part: read_submap(part.small) for part in parts}
+    maps = {part: read_submap(part.small, prove=False) for part in parts}
     of_id = {submap.id: part for part, submap in maps.items()}
     joined = join(maps.values(), options=options)
     if not joined.converged:
@@ -288,7 +291,8 @@ def _recovered(task: tuple[Part, Path, Path]) -> Path:
     file = folder / "estimates" / f"{_digest(part.name, above.stem)}.npz"
     if not file.exists():
         known = read_values(above)
-        whole, kept = read_submap(part.whole), read_submap(part.small).values.layout.keys
+        whole = read_submap(part.whole, prove=False)
+        kept = read_submap(part.small, prove=False).values.layout.keys
         layout = whole.values.layout
         inner = Interior(whole, layout.keys[~np.isin(layout.keys, kept)])
         held = np.append(kept, whole.base)
