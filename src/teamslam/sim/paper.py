@@ -28,8 +28,8 @@ NOISE_LEVELS = ((0.1, 0.2), (0.2, 0.3), (0.3, 0.4))
 """(sigma_observation, sigma_odometry) of the rows of Tables 1 and 2; metres and radians."""
 
 RANGE_M, SENSOR_HEIGHT_M, LANDMARK_HEIGHT_M = 3.0, 1.0, 2.0
-# Trajectories and landmarks are not published. These are the best, rounded, of 1,165 random layouts in which all that the
-# minimum scenario needs is in range: the one whose bounds (J'WJ)^-1 are nearest to those that the theory page reports.
+# Trajectories and landmarks are not published. These are the best, rounded, of 1,165 random layouts in which all that
+# the minimum scenario needs is in range: the bounds (J'WJ)^-1 are nearest to those that the theory page reports.
 _STEP_M, _RADIUS_M = 0.52, 0.70
 _CENTRES_XY = np.array([[-1.95, 0.0], [0.0, 0.0], [1.95, 0.0]])
 _HEADINGS_RAD = np.array([0.90, -1.41, 2.17])
