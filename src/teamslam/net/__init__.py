@@ -2,11 +2,14 @@
 
 from teamslam.net.admission import Admission, Refusal, admit
 from teamslam.net.bound import shift_bound
+from teamslam.net.cluster import Cluster, Processes
 from teamslam.net.ledger import Ledger, Line
 from teamslam.net.messages import KINDS, Message, Received, receive, send, send_raw
 from teamslam.net.plan import TOPOLOGIES, Offer, Plan, plan
 from teamslam.net.rounding import COMPACT, EXACT, Precision
 from teamslam.net.sets import SubmapSet
+from teamslam.net.tree import join_in_tree
+from teamslam.net.treemap import TreeMap, gather
 
 __all__ = [
     "COMPACT",
@@ -14,16 +17,21 @@ __all__ = [
     "KINDS",
     "TOPOLOGIES",
     "Admission",
+    "Cluster",
     "Ledger",
     "Line",
     "Message",
     "Offer",
     "Plan",
     "Precision",
+    "Processes",
     "Received",
     "Refusal",
     "SubmapSet",
+    "TreeMap",
     "admit",
+    "gather",
+    "join_in_tree",
     "plan",
     "receive",
     "send",
