@@ -28,7 +28,6 @@ def main(problem_path: str, estimate_path: str, repetitions: int, wants_marginal
     rows: dict[str, list[float]] = {"build_ms": [], "solve_ms": [], "read_ms": [], "total_ms": [], "cpu_ms": []}
     peak = 0.0
     for repetition in range(repetitions + (repetitions > 1)):
-        gc.collect()
         used, began = time.process_time(), time.perf_counter()
         model = module.build(problem, variant)
         built = time.perf_counter()

@@ -70,8 +70,6 @@ SOLVERS = (
     Solver("g2opy", "g2opy_wheel", package="g2opy", sizes=("small", "medium"), note="no marginals in the wheel"),
     Solver("gtsam", "gtsam_wheel", package="gtsam", sizes=("small", "medium"), note=BEARINGS),
     Solver("gtsam:metis", "gtsam_wheel", "metis", package="gtsam", note=BEARINGS),
-    Solver("pyceres", "pyceres_wheel", package="pyceres", sizes=("small",), note="cost functions in Python"),
-    Solver("symforce", "symforce_wheel", package="symforce", sizes=("small",), note="in Python"),
 )
 DEFAULT = [s.name for s in SOLVERS if s.name != "teamslam:1thread"]
 

@@ -65,17 +65,19 @@ class Model {
       linear = std::make_unique<g2o::LinearSolverEigen<Matrix>>();
     else
       linear = std::make_unique<g2o::LinearSolverCholmod<Matrix>>();
-    graph_.setAlgorithm(
-        new g2o::OptimizationAlgorithmGaussNewton(std::make_unique<typename World::Blocks>(std::move(linear))));
-    enough_.setGainThreshold(1e-8);
-    graph_.addPostIterationAction(&enough_);
+    algorithm_ = std::make_shared<g2o::OptimizationAlgorithmGaussNewton>(
+        std::make_unique<typename World::Blocks>(std::move(linear)));
+    graph_.setAlgorithm(algorithm_);
+    auto enough = std::make_shared<g2o::SparseOptimizerTerminateAction>();
+    enough->setGainThreshold(1e-8);
+    graph_.addPostIterationAction(enough);
     if (D == 3) {
-      auto* offset = new g2o::ParameterSE3Offset;
+      auto offset = std::make_shared<g2o::ParameterSE3Offset>();
       offset->setId(0);
       graph_.addParameter(offset);
     }
     for (int64_t k = 0; k < p.poses; ++k) {
-      auto* pose = new typename World::Pose;
+      auto pose = std::make_shared<typename World::Pose>();
       pose->setId(static_cast<int>(k));
       pose->setEstimate(World::pose(p.T.data() + D * k, p.R.data() + D * D * k));
       pose->setFixed(k == 0);
@@ -83,7 +85,7 @@ class Model {
       poses_.push_back(pose);
     }
     for (int64_t k = 0; k < p.landmarks; ++k) {
-      auto* point = new typename World::Point;
+      auto point = std::make_shared<typename World::Point>();
       point->setId(static_cast<int>(p.poses + k));
       point->setEstimate(Eigen::Map<const Eigen::Matrix<double, D, 1>>(p.P.data() + D * k));
       graph_.addVertex(point);
@@ -93,7 +95,7 @@ class Model {
     of_steps.template topLeftCorner<D, D>() /= p.sigma_T * p.sigma_T;
     of_steps.template bottomRightCorner<World::turns, World::turns>() *= World::turn_information(p.sigma_R);
     for (int64_t k = 0; k < p.steps; ++k) {
-      auto* step = new typename World::Step;
+      auto step = std::make_shared<typename World::Step>();
       step->setVertex(0, poses_[p.step_from[k]]);
       step->setVertex(1, poses_[p.step_from[k] + 1]);
       step->setMeasurement(World::pose(p.step_T.data() + D * k, p.step_R.data() + D * D * k));
@@ -103,7 +105,7 @@ class Model {
     const typename World::Sighting::InformationType of_points =
         World::Sighting::InformationType::Identity() / (p.sigma_P * p.sigma_P);
     for (int64_t k = 0; k < p.sightings; ++k) {
-      auto* sighting = new typename World::Sighting;
+      auto sighting = std::make_shared<typename World::Sighting>();
       sighting->setVertex(0, poses_[p.seen_from[k]]);
       sighting->setVertex(1, points_[p.seen[k]]);
       sighting->setMeasurement(Eigen::Map<const Eigen::Matrix<double, D, 1>>(p.z.data() + D * k));
@@ -120,25 +122,24 @@ class Model {
 
   Estimate read() const {
     Estimate out;
-    for (const auto* pose : poses_) {
+    for (const auto& pose : poses_) {
       const auto& x = pose->estimate();
       const auto R = World::rotation(x);
       for (int i = 0; i < D; ++i) out.T.push_back(x.translation()[i]);
       for (int i = 0; i < D; ++i)
         for (int j = 0; j < D; ++j) out.R.push_back(R(i, j));
     }
-    for (const auto* point : points_)
+    for (const auto& point : points_)
       for (int i = 0; i < D; ++i) out.P.push_back(point->estimate()[i]);
     return out;
   }
 
   double marginals() {
-    // Linearises at the estimate first, as the others do.
+    // Linearises at the estimate first, as the others do; the structure still stands.
     graph_.computeActiveErrors();
-    static_cast<g2o::OptimizationAlgorithmWithHessian*>(graph_.solver())->buildLinearStructure();
-    static_cast<g2o::OptimizationAlgorithmWithHessian*>(graph_.solver())->updateLinearSystem();
+    algorithm_->updateLinearSystem();
     std::vector<std::pair<int, int>> wanted;
-    for (const auto* point : points_) wanted.emplace_back(point->hessianIndex(), point->hessianIndex());
+    for (const auto& point : points_) wanted.emplace_back(point->hessianIndex(), point->hessianIndex());
     g2o::SparseBlockMatrix<Eigen::MatrixXd> inverse;
     if (!graph_.computeMarginals(inverse, wanted)) return std::numeric_limits<double>::quiet_NaN();
     double trace = 0;
@@ -149,15 +150,18 @@ class Model {
  private:
   const Problem& p_;
   g2o::SparseOptimizer graph_;
-  g2o::SparseOptimizerTerminateAction enough_;
-  std::vector<typename World::Pose*> poses_;
-  std::vector<typename World::Point*> points_;
+  std::shared_ptr<g2o::OptimizationAlgorithmGaussNewton> algorithm_;
+  std::vector<std::shared_ptr<typename World::Pose>> poses_;
+  std::vector<std::shared_ptr<typename World::Point>> points_;
 };
+
+// Its headers do not say which version they are: this is written for the one in which graphs hold shared pointers.
+constexpr const char* version = "2.3";
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 6) return measure<Model<Plane>>(argc, argv, G2O_VERSION);
-  return Problem(argv[1]).d == 2 ? measure<Model<Plane>>(argc, argv, G2O_VERSION)
-                                 : measure<Model<Space>>(argc, argv, G2O_VERSION);
+  if (argc != 6) return measure<Model<Plane>>(argc, argv, version);
+  return Problem(argv[1]).d == 2 ? measure<Model<Plane>>(argc, argv, version)
+                                 : measure<Model<Space>>(argc, argv, version);
 }

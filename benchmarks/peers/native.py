@@ -32,8 +32,8 @@ PROGRAMS = {
         "g2o.cpp",
         "g2o/core/sparse_optimizer.h",
         (
-            "-lg2o_core", "-lg2o_stuff", "-lg2o_types_slam2d", "-lg2o_types_slam3d", "-lg2o_solver_cholmod",
-            "-lg2o_solver_eigen", "-lg2o_ext_freeglut_minimal", "-lcholmod",
+            "-lg2o_solver_cholmod", "-lg2o_solver_eigen", "-lg2o_types_slam2d", "-lg2o_types_slam3d", "-lg2o_core",
+            "-lg2o_stuff", "-lcholmod",
         ),
         "Debian has no package; build it from source and name the folder that holds its include/ and lib/ in G2O_ROOT",
         "G2O_ROOT",
