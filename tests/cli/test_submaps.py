@@ -59,7 +59,7 @@ def test_bad_submaps_are_refused_with_the_reason_and_the_rest_is_joined(teamslam
 
 def test_where_nothing_can_be_joined_nothing_is_written(teamslam, log: Path, tmp_path: Path) -> None:
     called = teamslam("join", log, "--out", tmp_path / "map")
-    assert called.code == 2 and "no file *.submap" in called.err and not (tmp_path / "map").exists()
+    assert called.code == 2 and "none of the formats" in called.err and not (tmp_path / "map").exists()
     assert teamslam("join", "--out", tmp_path / "map").code == 2
 
 

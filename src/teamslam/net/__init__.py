@@ -2,7 +2,7 @@
 
 from teamslam.net.admission import Admission, Refusal, admit
 from teamslam.net.bound import shift_bound
-from teamslam.net.cluster import Cluster, Processes
+from teamslam.net.cluster import Cluster, Processes, Workers
 from teamslam.net.ledger import Ledger, Line
 from teamslam.net.messages import KINDS, Message, Received, receive, send, send_raw
 from teamslam.net.plan import TOPOLOGIES, Offer, Plan, plan
@@ -29,6 +29,7 @@ __all__ = [
     "Refusal",
     "SubmapSet",
     "TreeMap",
+    "Workers",
     "admit",
     "gather",
     "join_in_tree",

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError, TeamslamError
+from teamslam.io import read_submaps
 from teamslam.io.arrays import SUFFIX, read_submap
 from teamslam.model import Submap, is_landmark
 from teamslam.net.messages import canonical, check
@@ -38,7 +39,8 @@ class Admission:
 
 
 def admit(candidates: Iterable[Submap | str | Path]) -> Admission:
-    """Sort submaps, submap files and folders of such files into those that can be joined and those that are refused.
+    """Sort submaps, submap files, folders of them and local maps of other programs (io.SUBMAP_FORMATS) into those that
+    can be joined and those that are refused.
 
     Of several versions of one id the newest is taken, which is no refusal. Never raises for a bad submap.
     """
@@ -46,22 +48,22 @@ def admit(candidates: Iterable[Submap | str | Path]) -> Admission:
     refused: list[Refusal] = []
     for candidate in _each_file(candidates):
         try:
-            sound.append(_opened(candidate))
+            sound.extend(_opened(candidate))
         except TeamslamError as error:
             name = candidate.id if isinstance(candidate, Submap) else str(candidate)
             refused.append(Refusal(name, error.problem if isinstance(error, InputError) else str(error)))
     newest, torn = _newest(sound)
-    good, excluded = _without_conflicts(newest)
-    return Admission(tuple(good), tuple(sorted([*refused, *torn, *excluded], key=lambda r: (r.name, r.reason))))
+    found = without_conflicts(newest)
+    refused = sorted([*refused, *torn, *found.refused], key=lambda r: (r.name, r.reason))
+    return Admission(found.good, tuple(refused))
 
 
-def _opened(candidate: Submap | Path) -> Submap:
+def _opened(candidate: Submap | Path) -> list[Submap]:
+    """The submaps of one candidate: one of our files holds one, local maps of other programs come together."""
     if isinstance(candidate, Submap):
         check(candidate)
-        return candidate
-    if candidate.is_dir():
-        raise InputError(f"there is no file *{SUFFIX} in this folder")
-    return read_submap(candidate)
+        return [candidate]
+    return [read_submap(candidate)] if candidate.suffix == SUFFIX else read_submaps(candidate)
 
 
 def _each_file(candidates: Iterable[Submap | str | Path]) -> Iterable[Submap | Path]:
@@ -88,7 +90,7 @@ def _newest(submaps: Iterable[Submap]) -> tuple[list[Submap], list[Refusal]]:
             refused.append(Refusal(id_, torn_reason(id_, version, len(latest))))
         else:
             kept.append(latest[0])
-    return sorted(kept, key=lambda s: (s.base, s.id)), refused
+    return kept, refused
 
 
 def torn_reason(id_: str, version: int, contents: int) -> str:
@@ -105,7 +107,9 @@ def torn_reason(id_: str, version: int, contents: int) -> str:
 Conflict = tuple[int, int, str]  # two places in the list, and why they exclude each other
 
 
-def _without_conflicts(submaps: Sequence[Submap]) -> tuple[list[Submap], list[Refusal]]:
+def without_conflicts(sound: Iterable[Submap]) -> Admission:
+    """Sort submaps, each sound in itself and no two of one id, into those that go together and those that do not."""
+    submaps = sorted(sound, key=lambda s: (s.base, s.id))
     against: list[dict[int, str]] = [{} for _ in submaps]
     for rule in RULES:
         for a, b, why in rule(submaps):
@@ -120,7 +124,7 @@ def _without_conflicts(submaps: Sequence[Submap]) -> tuple[list[Submap], list[Re
             break
         left.discard(worst)
         refused.append(Refusal(submaps[worst].id, against[worst][opponents[0]]))
-    return [submaps[n] for n in sorted(left)], refused
+    return Admission(tuple(submaps[n] for n in sorted(left)), tuple(refused))
 
 
 def _counted_twice(submaps: Sequence[Submap]) -> Iterable[Conflict]:

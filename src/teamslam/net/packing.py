@@ -212,7 +212,7 @@ def _rice(unsigned: UnsignedArray, groups: IntArray | None) -> bytes:
 
 def _by_width(unsigned: UnsignedArray) -> bytes:
     widths = np.zeros(len(unsigned), np.int64)
-    for shift in range(64):
+    for shift in range(int(unsigned.max()).bit_length()):
         widths += (unsigned >> np.uint64(shift)) > 0
     median = int(np.median(widths))
     head = Writer()

@@ -19,7 +19,7 @@ from types import MappingProxyType
 from teamslam.errors import ModelError
 from teamslam.joining import Joined, join
 from teamslam.model import Submap
-from teamslam.net.admission import Admission, Refusal, admit, torn_reason
+from teamslam.net.admission import Admission, Refusal, torn_reason, without_conflicts
 from teamslam.net.messages import Message, receive, send
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
@@ -113,7 +113,7 @@ class SubmapSet:
             for submap in self._contents.values()
             if all(submap.version > self.removed_robots.get(robot, -1) for robot in submap.robots)
         ]
-        found = admit(present)
+        found = without_conflicts(present)
         torn = [
             Refusal(id_, torn_reason(id_, entry.version, len(entry.contents)))
             for id_, entry in sorted(self.held.items())

@@ -20,7 +20,7 @@ from teamslam.io.tum import write_trajectories
 from teamslam.joining import Component, Joined
 from teamslam.joining.carry import Carrier
 from teamslam.joining.join import in_order, joined_map, usable_rows
-from teamslam.model import WORLD, Layout, Values, is_landmark, robot_of
+from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, robot_of
 from teamslam.model.values import rows_of
 from teamslam.solver import Options, SubmapTerm, System, optimise
 from teamslam.solver.optimise import DEFAULTS
@@ -35,6 +35,10 @@ class TreeMap:
     joined: Joined
     estimates: tuple[tuple[Path, ...], ...]
     submaps: tuple[Path, ...]
+
+    def leaves(self) -> tuple[Submap, ...]:
+        """All submaps, in memory, by base and id."""
+        return tuple(in_order(read_submap(file, prove=False) for file in self.submaps))
 
     def values(self, component: int = 0, *, robot: int | None = None) -> Values:
         """The estimate of all variables of a component, its frame among them; or of one robot's poses alone."""
@@ -60,7 +64,7 @@ def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
 
     Law: the optimum is that of `teamslam.join`; what the levels of the tree left to second order is removed.
     """
-    submaps = {submap.id: submap for submap in map(read_submap, tree.submaps)}
+    submaps = {submap.id: submap for submap in tree.leaves()}
     components = []
     for number, component in enumerate(tree.joined.components):
         members = in_order(submaps[id_] for id_ in component.members)
