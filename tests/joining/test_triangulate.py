@@ -1,4 +1,4 @@
-"""Landmarks seen only by bearings or only by ranges: placed where the geometry fixes them, left out where it does not."""
+"""Landmarks seen only by bearings or ranges: placed where the geometry fixes them, left out where it does not."""
 
 import numpy as np
 import pytest

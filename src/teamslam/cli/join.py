@@ -28,6 +28,7 @@ def join(
     teamslam join submaps --out map
     teamslam join robot-1 robot-2 other/3_robot_3.submap --out map
     teamslam join submaps --out map --truth MRCLAM_Dataset6
+    teamslam join VicPark_200_local_maps --out map
     ```
 
     Exit codes: 0 done; 1 some submaps were refused, not converged, or parts could not be joined; 2 bad input or
@@ -36,7 +37,7 @@ def join(
     Parameters
     ----------
     maps
-        Submap files, or folders of them.
+        Submap files, folders of them, or local maps of I-SLSJF (.mat) or Linear SLAM (text).
     out
         The folder to write. It appears when everything in it is written, never half.
     truth

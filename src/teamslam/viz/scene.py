@@ -80,8 +80,8 @@ class Scene:
     def magnification(self, dim: int) -> int:
         """How many times larger regions are drawn so that the eye finds them; the legend says so."""
         sizes = [np.linalg.eigvalsh(c)[-1] for _, c in self.regions(self.map.landmark_keys, dim)]
-        typical = np.sqrt(max(float(np.median(sizes)), 0.0) * chi2.ppf(CONFIDENCE, dim)) if sizes else 0.0
-        return next((k for k in FACTORS if 0.0 < k * typical <= 0.03 * self.extent(dim)), 1)
+        large = np.sqrt(max(float(np.quantile(sizes, 0.9)), 0.0) * chi2.ppf(CONFIDENCE, dim)) if sizes else 0.0
+        return next((k for k in FACTORS if 0.0 < k * large <= 0.04 * self.extent(dim)), 1)
 
 
 def shape_of(covariance: Array, confidence: float = CONFIDENCE) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.geometry import Array
-from teamslam.viz.maps import draw_landmarks, draw_sightings, explain
+from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, robot_colour
 
