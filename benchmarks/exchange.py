@@ -167,10 +167,12 @@ Measured by `python benchmarks/exchange.py`. Bytes for each robot, of all its me
 - **raw**: the measurements, noise that they share once. **sparse**: whole submaps, the information as it is.
   **partial**: interiors eliminated while that makes the message smaller. **condensed**: all interiors eliminated.
 - **sent**: for each message the smallest of the four, which is never more than raw.
-- *to the bit*: floating-point numbers as they are. *rounded*: the estimate moves by at most 0.03 of its own sigmas, and
-  the information changes by at most 1 % in any direction; both bounds are certified for each message.
+- *to the bit*: floating-point numbers as they are; a pose as translation and rotation matrix (in the plane: sine and
+  cosine). *rounded*: the estimate, or the measurements, move the map by at most 0.03 sigma, poses as 3 or 6 integers,
+  and the information changes by at most 1 % in any direction; both are certified for each message.
 - **largest shift**: measured; the map from what was sent against the map from whole submaps, over all variables that
-  both hold. **bound**: what the messages guarantee for the joined map, for any variable and any combination of them.
+  both hold. **bound**: what the messages guarantee together, to first order in the rounding, for any variable and any
+  combination of variables of the joined map.
 
 Simulated teams: {poses} poses a robot, ten landmarks a robot, the simulator's default sensors and paths, seed {seed}.
 A row is one team; figures are of one run.
