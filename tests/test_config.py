@@ -20,7 +20,9 @@ configs = st.builds(
     method=st.sampled_from(METHODS),
     read=st.dictionaries(st.text("abc_", min_size=1, max_size=6), scalars, max_size=3),
     loss=st.none() | st.builds(Loss, name=st.sampled_from(list(LOSSES)), scale=positive),
-    split=st.builds(SplitOptions, poses_per_piece=st.none() | st.integers(2, 10**6), heading_sigma=st.none() | positive),
+    split=st.builds(
+        SplitOptions, poses_per_piece=st.none() | st.integers(2, 10**6), heading_sigma=st.none() | positive
+    ),
     join=st.builds(JoinOptions, order=st.sampled_from(list(ORDERS)), exact=st.booleans(), gap=positive),
     solver=st.builds(
         SolverOptions,
