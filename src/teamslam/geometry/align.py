@@ -34,10 +34,12 @@ def align(
     source_rotations: Array | None = None,
     target_rotations: Array | None = None,
     kappa: float = 1.0,
+    rotation_weights: Array | None = None,
 ) -> Fit:
     """The rigid fit of source onto target points (n, d), with optional shared rotations (m, d, d).
 
     `kappa` [m^2] weighs a rotation against points: one shared rotation counts like points that far from the centroid.
+    `rotation_weights` v (m,) weigh each of them in the units of `weights` instead: sum_k v_k |P_k - R Q_k|_F^2.
     Law: if target = X.act(source), then fit.pose = X wherever the points (and rotations) determine it.
     Raises ModelError where there is nothing to fit.
     """
@@ -47,12 +49,14 @@ def align(
         raise ModelError("a rigid fit needs at least one shared point or pose, found none")
     dim = source.shape[-1]
     w = np.ones(len(source)) if weights is None else np.asarray(weights, float)
-    w = w / w.sum()
+    total = w.sum()
+    w = w / total
     source_mean, target_mean = w @ source, w @ target
     moment = (w[:, None] * (target - target_mean)).T @ (source - source_mean)
     if source_rotations is not None and target_rotations is not None and len(source_rotations):
         turns = target_rotations @ np.swapaxes(source_rotations, -1, -2)
-        moment = moment + kappa * turns.mean(0)
+        shares = np.full(len(turns), kappa / len(turns)) if rotation_weights is None else rotation_weights / total
+        moment = moment + (shares[:, None, None] * turns).sum(0)
     u, singular, vt = np.linalg.svd(moment)
     signs = np.ones(dim)
     signs[-1] = np.sign(np.linalg.det(u @ vt))

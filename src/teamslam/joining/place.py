@@ -2,34 +2,39 @@
 
     strands:  consecutive submaps of a robot share their boundary pose, so their frames compose
     clusters: grow from the first strand; in each round the one that is held most firmly by what it shares with the
-    cluster
-              (poses, landmarks, raw sightings of each other's robots) is attached by one rigid fit over all of it
+              cluster (poses, landmarks, raw sightings of each other's robots) is attached by one robust rigid fit
+    trusses:  clusters that no pair holds but that are rigid together are assembled, in every way that fits
+    second look: every strand is fitted once more, to all the others of its cluster
 
 What nothing holds starts a cluster of its own: separate components, with the reason in words. One shared pose holds a
-frame; points must be two at different places in the plane, three not in line in space, else a hinge is left. How firmly
-is measured, not counted: the least information on the frame's rotation [rad^-2]. The fit is robust: a wrong link among
-good ones is outvoted (Cauchy weights, re-fitted until they settle).
+frame; points must be two at different places in the plane, three not in line in space, else a hinge is left.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from teamslam.geometry import Array, BoolArray, IntArray, Pose, align, concatenate, lift_points
-from teamslam.joining.start import measured_positions
+from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.joining.assemble import assemblies, freedom
+from teamslam.joining.link import Link, link
+from teamslam.joining.sketch import Sketch, known_keys, sketch_strand
 from teamslam.model import Kind, Names, Submap, Values, is_landmark, is_pose, pose_kind, robot_of, unpack
-from teamslam.solver import Covariances
 
-HINGE = 16.0  # [rad^-2]: below this a frame counts as free to turn; its sigma would be a quarter of a radian
+BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
+TRUSS = 4  # clusters in a truss at most
+TRIES = 500  # sets of clusters looked at for a truss; only where very many hang loosely together are there more
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Submaps in one frame: `members` (places in the list, the root first) and the pose of each one's base in it."""
+    """Submaps in one frame: `members` (places in the list, the root first) and the pose of each one's base in it;
+    `others`: the frames under other assemblies that fit what is shared as well."""
 
     members: list[int]
     frames: list[Pose]
+    others: list[list[Pose]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -40,51 +45,12 @@ class Placement:
     reasons: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True, eq=False)
-class Sketch:
-    """What a strand or cluster shows of the world, in its own frame: per key (sorted, unique) a place (n, 3), where it
-    is known an orientation (n, 3, 3), and a variance of the place (n,) [m^2]."""
+@dataclass
+class _Body:
+    """Strands in one frame, while clusters grow: where each lies, and what they know together."""
 
-    keys: IntArray
-    places: Array
-    turns: Array
-    oriented: BoolArray
-    variances: Array
-
-    @classmethod
-    def of(cls, keys: IntArray, places: Array, turns: Array, oriented: BoolArray, variances: Array) -> "Sketch":
-        """A sketch from rows in any order; of rows with one key the first counts."""
-        keys, first = np.unique(keys, return_index=True)
-        return cls(keys, places[first], turns[first], oriented[first], variances[first])
-
-    def move(self, frame: Pose) -> "Sketch":
-        """The same things written in the frame that `frame` is written in."""
-        lifted = frame.lift(3)
-        return Sketch(self.keys, lifted.act(self.places), lifted.rotation @ self.turns, self.oriented, self.variances)
-
-    def merge(self, other: "Sketch") -> "Sketch":
-        """Both together; where both know a key, this one counts."""
-        return Sketch.of(
-            *(
-                np.concatenate([a, b])
-                for a, b in (
-                    (self.keys, other.keys),
-                    (self.places, other.places),
-                    (self.turns, other.turns),
-                    (self.oriented, other.oriented),
-                    (self.variances, other.variances),
-                )
-            )
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Link:
-    """How a strand hangs on a cluster: its frame there, the information on that frame's rotation, what they share."""
-
-    frame: Pose
-    firmness: float
-    shared: IntArray
+    placed: dict[int, Pose]
+    sketch: Sketch
 
 
 def place(submaps: Sequence[Submap]) -> Placement:
@@ -92,35 +58,202 @@ def place(submaps: Sequence[Submap]) -> Placement:
     strands = [_strand(submaps, members) for members in strands_of(submaps)]
     if len(strands) == 1:
         return Placement([Cluster(list(strands[0][0]), strands[0][1])])
-    names = submaps[0].names
-    sketches = [_sketch_strand(submaps, members, frames) for members, frames in strands]
-    planar = [submaps[members[0]].base_dim == 2 for members, _ in strands]
-    # Planar robots share the ground, which must be the frame where robots of both kinds meet.
-    waiting = sorted(range(len(strands)), key=lambda s: (not planar[s], submaps[strands[s][0][0]].base))
-    clusters: list[Cluster] = []
-    reasons: list[str] = []
-    while waiting:
-        root = waiting.pop(0)
-        cluster, placed = sketches[root], {root: Pose.identity(2 if planar[root] else 3)}
-        links: dict[int, Link] = {s: _link(cluster, sketches[s], planar[s]) for s in waiting}
-        while links:
-            best = max(links, key=lambda s: links[s].firmness)
-            link = links.pop(best)
-            if link.firmness < HINGE:
+    return _Placing(submaps, strands).placement()
+
+
+class _Placing:
+    """The strands of one set of submaps, with what several of them know."""
+
+    def __init__(self, submaps: Sequence[Submap], strands: Sequence[tuple[list[int], list[Pose]]]) -> None:
+        self.submaps, self.strands = submaps, strands
+        known = [np.unique(np.concatenate([known_keys(submaps[m]) for m in members])) for members, _ in strands]
+        keys, times = np.unique(np.concatenate(known), return_counts=True)
+        shared = keys[times > 1]
+        self.sketches = [
+            sketch_strand([submaps[m] for m in members], frames).only(shared)
+            if np.isin(of, shared).any()
+            else _nothing()
+            for (members, frames), of in zip(strands, known, strict=True)
+        ]
+        self._holders = (
+            np.repeat(np.arange(len(strands)), [len(sketch.keys) for sketch in self.sketches]),
+            np.concatenate([sketch.keys for sketch in self.sketches]),
+        )
+        self.planar = [submaps[members[0]].base_dim == 2 for members, _ in strands]
+
+    def placement(self) -> Placement:
+        """The assembly with the fewest clusters, with all others of it."""
+        branches: list[list[_Body]] = []
+        waiting: list[tuple[int, ...]] = [()]
+        while waiting and len(branches) < BRANCHES:
+            choices = waiting.pop(0)
+            bodies, ways = self._grown(choices)
+            branches.append(bodies)
+            # Each truss met beyond those chosen so far opens branches.
+            for depth in range(len(choices), len(ways)):
+                ahead = choices + (0,) * (depth - len(choices))
+                waiting += [(*ahead, other) for other in range(1, ways[depth])]
+        best = min(branches, key=len)
+        clusters = []
+        for number, body in enumerate(best):
+            others = [of[number].placed for of in branches if of is not best and len(of) == len(best)]
+            same = [o for o in others if set(o) == set(body.placed) and o is not body.placed]
+            ordered = list(body.placed)
+            clusters.append(
+                Cluster(
+                    [m for s in ordered for m in self.strands[s][0]],
+                    self._frames(ordered, body.placed),
+                    [self._frames(ordered, o) for o in same if _differ(o, body.placed)],
+                )
+            )
+        return Placement(clusters, self._reasons(best))
+
+    def _frames(self, ordered: Sequence[int], placed: dict[int, Pose]) -> list[Pose]:
+        return [placed[s] @ frame for s in ordered for frame in self.strands[s][1]]
+
+    # --- growth -----------------------------------------------------------------------------------------------
+
+    def _grown(self, choices: Sequence[int]) -> tuple[list[_Body], list[int]]:
+        """The clusters, taking of the truss met as n-th the assembly number choices[n] (0 beyond); and how many
+        assemblies each truss had."""
+        # Planar robots share the ground, which must be the frame where robots of both kinds meet.
+        order = sorted(
+            range(len(self.strands)), key=lambda s: (not self.planar[s], self.submaps[self.strands[s][0][0]].base)
+        )
+        bodies = [_Body({s: Pose.identity(2 if self.planar[s] else 3)}, self.sketches[s]) for s in order]
+        ways: list[int] = []
+        while True:
+            bodies = self._merged(bodies)
+            truss = self._truss(bodies)
+            if truss is None:
                 break
-            placed[best] = link.frame
-            grown = sketches[best].move(link.frame)
-            fresh = grown.keys[~np.isin(grown.keys, cluster.keys)]
-            cluster = cluster.merge(grown)
-            for s in links:
-                if np.isin(sketches[s].keys, fresh).any():
-                    links[s] = _link(cluster, sketches[s], planar[s])
-        for s in [s for s in waiting if s not in placed]:
-            reasons.append(_why(submaps[strands[s][0][0]], _link(cluster, sketches[s], planar[s]), planar[s], names))
-        waiting = [s for s in waiting if s not in placed]
-        members = [m for s in placed for m in strands[s][0]]
-        clusters.append(Cluster(members, [placed[s] @ f for s in placed for f in strands[s][1]]))
-    return Placement(clusters, reasons if len(clusters) > 1 else [])
+            places, found = truss
+            frames = found[choices[len(ways)] if len(ways) < len(choices) else 0]
+            ways.append(len(found))
+            whole = bodies[places[0]]
+            for at, frame in zip(places[1:], frames[1:], strict=True):
+                whole = _attached(whole, bodies[at], frame)
+            bodies = [whole if n == places[0] else b for n, b in enumerate(bodies) if n not in places[1:]]
+        return [self._looked_again(body) for body in bodies], ways
+
+    def _merged(self, bodies: list[_Body]) -> list[_Body]:
+        """Pairs that hold joined, the firmest first, until none is left."""
+        waiting, done = list(bodies), []
+        while waiting:
+            root = waiting.pop(0)
+            links = {n: self._link(root, body) for n, body in enumerate(waiting)}
+            joined: set[int] = set()
+            while links:
+                best = max(links, key=lambda n: (links[n].holds, links[n].firmness))
+                found = links.pop(best)
+                if not found.holds:
+                    break
+                joined.add(best)
+                known = root.sketch.keys
+                root = _attached(root, waiting[best], found.frame)
+                fresh = np.setdiff1d(root.sketch.keys, known)
+                for n in links:
+                    if np.isin(waiting[n].sketch.keys, fresh).any():
+                        links[n] = self._link(root, waiting[n])
+            waiting = [body for n, body in enumerate(waiting) if n not in joined]
+            done.append(root)
+        return done
+
+    def _link(self, cluster: _Body, body: _Body) -> Link:
+        return link(cluster.sketch, body.sketch, self.planar[next(iter(body.placed))])
+
+    def _truss(self, bodies: list[_Body]) -> tuple[tuple[int, ...], list[list[Pose]]] | None:
+        """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
+        dims = [2 if self.planar[next(iter(body.placed))] else 3 for body in bodies]
+        for places in itertools.islice(_candidates([body.sketch.keys for body in bodies]), TRIES):
+            dim = dims[places[0]]
+            if any(dims[n] != dim for n in places):
+                continue  # robots of the ground and of the air: a truss of both is not looked for
+            found = assemblies([bodies[n].sketch for n in places], dim)
+            if found:
+                return places, found
+        return None
+
+    def _looked_again(self, body: _Body) -> _Body:
+        """Every strand but the root fitted once more, to all the others: early links saw only part of them."""
+        placed = dict(body.placed)
+        for s in list(placed)[1:]:
+            rest = [self.sketches[o].move(placed[o]) for o in self._met(s) if o in placed and o != s]
+            if not rest:
+                continue
+            found = link(Sketch.of(*rest), self.sketches[s], self.planar[s])
+            if found.holds:
+                placed[s] = found.frame
+        return _Body(placed, body.sketch)
+
+    def _met(self, s: int) -> list[int]:
+        """The strands that share something with strand s."""
+        holders, keys = self._holders
+        return [int(o) for o in np.unique(holders[np.isin(keys, self.sketches[s].keys)])]
+
+    # --- words ------------------------------------------------------------------------------------------------
+
+    def _reasons(self, bodies: Sequence[_Body]) -> list[str]:
+        """Why each cluster but the first stands alone."""
+        out = []
+        for body in bodies[1:]:
+            first = next(iter(body.placed))
+            submap = self.submaps[self.strands[first][0][0]]
+            links = [self._link(other, body) for other in bodies if other is not body]
+            closest = max(links, key=lambda found: (found.firmness, len(found.shared)))
+            out.append(_why(submap, closest, body.sketch, self.planar[first]))
+        return out
+
+
+def _nothing() -> Sketch:
+    empty = np.zeros(0)
+    flags = np.zeros(0, bool)
+    return Sketch(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), flags, empty, empty, flags)
+
+
+def _attached(cluster: _Body, body: _Body, frame: Pose) -> _Body:
+    placed = {**cluster.placed, **{s: frame @ own for s, own in body.placed.items()}}
+    return _Body(placed, Sketch.of(cluster.sketch, body.sketch.move(frame)))
+
+
+def _differ(one: dict[int, Pose], other: dict[int, Pose]) -> bool:
+    return any(np.abs(one[s].minus(other[s])).max() > 1e-3 for s in one)
+
+
+def _candidates(known: Sequence[IntArray]) -> Iterator[tuple[int, ...]]:
+    """Sets of three and more bodies of which each shares something with two others, small sets first."""
+    n = len(known)
+    meets = np.zeros((n, n), bool)
+    for a, b in itertools.combinations(range(n), 2):
+        meets[a, b] = meets[b, a] = np.isin(known[a], known[b]).any()
+    around = np.flatnonzero(meets.sum(1) >= 2)
+    for size in range(3, TRUSS + 1):
+        for places in itertools.combinations(around.tolist(), size):
+            if (meets[np.ix_(places, places)].sum(1) >= 2).all():
+                yield places
+
+
+def _why(submap: Submap, found: Link, sketch: Sketch, planar: bool) -> str:
+    names: Names = submap.names
+    robot = names.robot(int(robot_of(submap.base)))
+    who = f"the submaps of robot {robot} from {names.describe(submap.base)} on"
+    marks = found.shared[is_landmark(found.shared)]
+    if not len(found.shared):
+        return (
+            f"{who} share nothing with the map: no common landmark, and neither robot saw the other; "
+            f"{'two' if planar else 'three'} common landmarks, or one sighting of a robot's pose, would join them"
+        )
+    things = [f"landmark {names.landmark(int(k))}" for k in marks[:4]] + [
+        names.describe(int(k)) for k in found.shared[is_pose(found.shared)][:2]
+    ]
+    loose = freedom(sketch.only(found.shared), 2 if planar else 3)
+    return (
+        f"{who} share only {', '.join(things)} with the map and can still turn about "
+        f"{'it' if len(found.shared) == 1 else 'them'}: under-constrained, {loose} direction"
+        f"{'' if loose == 1 else 's'} free (heading known to {1.0 / np.sqrt(max(found.firmness, 1e-9)):.2g} rad); "
+        f"{'two more common landmarks' if loose == 3 else 'one more common landmark'} elsewhere, "
+        f"or one sighting of a robot's pose, would join them"
+    )
 
 
 # --- strands ------------------------------------------------------------------------------------------------------
@@ -160,104 +293,6 @@ def _strand(submaps: Sequence[Submap], members: list[int]) -> tuple[list[int], l
         for key in layout.keys[robot_of(layout.keys) == robot_of(submap.base)].tolist():
             where.setdefault(key, (place_, key))
     return members, frames
-
-
-# --- sketches -----------------------------------------------------------------------------------------------------
-
-
-def _sketch_strand(submaps: Sequence[Submap], members: list[int], frames: list[Pose]) -> Sketch:
-    whole = _sketch(submaps[members[0]])
-    for number, frame in zip(members[1:], frames[1:], strict=True):
-        whole = whole.merge(_sketch(submaps[number]).move(frame))
-    return whole
-
-
-def _sketch(submap: Submap) -> Sketch:
-    """A submap's own variables, then what its raw sightings show of others."""
-    values = submap.all_values
-    keys = values.layout.keys
-    poses = values.layout.kinds < 2
-    turns = np.tile(np.eye(3), (len(keys), 1, 1))
-    turns[poses] = values.poses_of(keys[poses], 3).rotation
-    parts = [(keys, values.positions(keys, 3), turns, poses, _variances(submap, keys))]
-    for table in submap.raw:
-        if table.model not in ("point", "range_bearing") or not len(table):
-            continue
-        seen_by = values.layout.contains(table.keys[:, 0])
-        part = table.select(seen_by)
-        if not len(part):
-            continue
-        seen = values.poses_of(part.keys[:, 0], 3).act(lift_points(measured_positions(part), 3))
-        n = len(part)
-        parts.append((part.keys[:, 1], seen, np.tile(np.eye(3), (n, 1, 1)), np.zeros(n, bool), np.full(n, 0.25**2)))
-    return Sketch.of(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _variances(submap: Submap, keys: IntArray) -> Array:
-    """The mean variance of each variable's place; of the base, which is the frame, 0."""
-    out = np.zeros(len(keys))
-    blocks = Covariances.of_map(submap).all
-    places = np.searchsorted(keys, submap.values.layout.keys, sorter=np.argsort(keys))
-    order = np.argsort(keys)[places]
-    for at, kind, block in zip(order, submap.values.layout.kinds, blocks, strict=True):
-        d = Kind(int(kind)).dim
-        out[at] = float(np.trace(block[:d, :d])) / d
-    return out
-
-
-# --- links --------------------------------------------------------------------------------------------------------
-
-
-def _link(cluster: Sketch, strand: Sketch, planar: bool) -> Link:
-    """The best rigid fit of a strand onto a cluster over all that they share."""
-    shared, mine, theirs = np.intersect1d(cluster.keys, strand.keys, assume_unique=True, return_indices=True)
-    dim = 2 if planar else 3
-    if not len(shared):
-        return Link(Pose.identity(dim), 0.0, shared)
-    source, target = strand.places[theirs][:, :dim], cluster.places[mine][:, :dim]
-    oriented = strand.oriented[theirs] & cluster.oriented[mine]
-    source_turns = strand.turns[theirs][oriented][:, :dim, :dim]
-    target_turns = cluster.turns[mine][oriented][:, :dim, :dim]
-    sigma2 = strand.variances[theirs] + cluster.variances[mine] + 0.05**2
-    weights = 1.0 / sigma2
-    for _ in range(20):
-        fit = align(source, target, weights, source_rotations=source_turns, target_rotations=target_turns)
-        squared = np.sum((target - fit.pose.act(source)) ** 2, -1)
-        # Cauchy weights about the typical misfit, so that drift is forgiven and a wrong link is not.
-        scale = np.maximum(np.median(squared / sigma2), 1.0)
-        new = 1.0 / (sigma2 * (1.0 + squared / (sigma2 * scale * 4.0)))
-        if np.allclose(new, weights, rtol=1e-3):
-            break
-        weights = new
-    return Link(fit.pose, _firmness(target, weights / scale, int(oriented.sum())), shared)
-
-
-def _firmness(points: Array, weights: Array, oriented: int) -> float:
-    """The least information on the rotation of a frame that is held at these points [rad^-2]."""
-    arms = points - (weights @ points) / weights.sum()
-    moment = (weights[:, None] * arms).T @ arms
-    inertia = np.trace(moment) * np.eye(len(moment)) - moment
-    held = float(np.trace(moment)) if points.shape[-1] == 2 else float(np.linalg.eigvalsh(inertia)[0])
-    return held + oriented * 100.0  # a shared orientation is known to a tenth of a radian or better
-
-
-def _why(submap: Submap, link: Link, planar: bool, names: Names) -> str:
-    robot = names.robot(int(robot_of(submap.base)))
-    who = f"the submaps of robot {robot} from {names.describe(submap.base)} on"
-    marks = link.shared[is_landmark(link.shared)]
-    if not len(link.shared):
-        return (
-            f"{who} share nothing with the map: no common landmark, and neither robot saw the other; "
-            f"{'two' if planar else 'three'} common landmarks, or one sighting of a robot's pose, would join them"
-        )
-    things = [f"landmark {names.landmark(int(k))}" for k in marks[:4]] + [
-        names.describe(int(k)) for k in link.shared[is_pose(link.shared)][:2]
-    ]
-    return (
-        f"{who} share only {', '.join(things)} with the map and can still turn about it "
-        f"(heading known to {1.0 / np.sqrt(max(link.firmness, 1e-9)):.2g} rad); one more common landmark elsewhere, "
-        f"or one sighting of a robot's pose, would join them"
-    )
 
 
 # --- start values -------------------------------------------------------------------------------------------------
