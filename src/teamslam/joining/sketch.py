@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, rotations
 from teamslam.joining.start import WHOLE, measured_positions
 from teamslam.model import Kind, Submap, Table, robot_of, unpack
 from teamslam.solver import Covariances
+
+MOST_JOINT = 200  # landmarks whose covariance is taken together: a dense matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,8 @@ def _variances(submap: Submap, keys: IntArray) -> tuple[Array, Array]:
     """The mean variance of each variable's place and orientation; of the base, which is the frame, 0."""
     layout = submap.values.layout
     out = np.zeros((2, len(keys)))
-    blocks = Covariances.of_map(submap).all
+    covariances = Covariances.of_map(submap)
+    blocks = covariances.all
     order = np.argsort(keys)
     at = order[np.searchsorted(keys, layout.keys, sorter=order)]
     for kind in map(Kind, np.unique(layout.kinds).tolist()):
@@ -129,4 +132,29 @@ def _variances(submap: Submap, keys: IntArray) -> tuple[Array, Array]:
         out[0, at[rows]] = diagonals[:, : kind.dim].mean(-1)
         if kind.is_pose:
             out[1, at[rows]] = diagonals[:, kind.dim :].mean(-1)
+    marks = submap.landmark_keys
+    if 2 < len(marks) <= MOST_JOINT:
+        rows = np.searchsorted(keys, marks, sorter=order)
+        out[0, order[rows]] = np.minimum(out[0, order[rows]], _among_themselves(submap, covariances, marks))
     return out[0], out[1]
+
+
+def _among_themselves(submap: Submap, covariances: Covariances, marks: IntArray) -> Array:
+    """The variances of landmarks relative to each other, (n,): what is left when all of them may move as one body.
+
+    How well a robot knows them from its first pose does not matter for laying two maps on each other.
+    """
+    kinds = submap.values.layout.kinds[submap.values.layout.index(marks)]
+    d = 2 if (kinds % 2 == 0).all() else 3
+    starts = np.concatenate([[0], np.cumsum(submap.values.layout.dofs[submap.values.layout.index(marks)])])[:-1]
+    places = (starts[:, None] + np.minimum(np.arange(d), [[Kind(int(k)).dim - 1] for k in kinds])).ravel()
+    joint = covariances.joint(marks)[np.ix_(places, places)]
+    points = submap.values.positions(marks, d)
+    turns = [rotations(d).hat(axis) for axis in np.eye(rotations(d).DOF)]
+    as_one = np.concatenate(
+        [np.tile(np.eye(d), (len(marks), 1)), np.stack([(points @ w.T).ravel() for w in turns], 1)], 1
+    )
+    basis, _ = np.linalg.qr(as_one)
+    stiff = np.eye(len(joint)) - basis @ basis.T
+    left = np.diagonal(stiff @ joint @ stiff).reshape(-1, d).mean(-1)
+    return np.asarray(left * len(joint) / max(len(joint) - basis.shape[1], 1))
