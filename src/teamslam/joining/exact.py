@@ -23,7 +23,8 @@ import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.joining.build import build_with_solution, gaussian_part
+from teamslam.joining.build import build_alternatives, gaussian_part
+from teamslam.joining.choose import lowest
 from teamslam.joining.join import (
     Component,
     Exactness,
@@ -126,18 +127,21 @@ def exact_join(
     that did not reach `gap` within `max_rounds` says so in its status. Law: the estimate is that of `full` on the
     same data. Raises as `build` and `join` do.
     """
-    built = {}
-    for piece in pieces:
-        submap, _ = build_with_solution(piece, options=options)
-        built[submap.id] = (piece, submap)
-    submaps = in_order(submap for _, submap in built.values())
-    refuse_double_counting(submaps)
-    first = join(submaps, options=replace(options, decrement=max(options.decrement, 1e-3)))
-    components = []
-    for component in first.components:
-        parts = [built[name] for name in component.members]
-        components.append(_rounds(component, parts, gap, max_rounds, options, progress))
-    return Joined(tuple(components), first.reasons)
+    alternatives = [build_alternatives(piece, options=options) for piece in pieces]
+    raw_of = {found[0].id: piece for piece, found in zip(pieces, alternatives, strict=True)}
+    refuse_double_counting(in_order(found[0] for found in alternatives))
+    rough = replace(options, decrement=max(options.decrement, 1e-3))
+
+    def solve(submaps: Sequence[Submap]) -> Joined:
+        built = {submap.id: (raw_of[submap.id], submap) for submap in submaps}
+        first = join(submaps, options=rough)
+        components = (
+            _rounds(c, [built[name] for name in c.members], gap, max_rounds, options, progress)
+            for c in first.components
+        )
+        return Joined(tuple(components), first.reasons)
+
+    return lowest(alternatives, solve)
 
 
 def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
@@ -313,7 +317,7 @@ class _Team:
             rounds=len(history) + 1,
             bytes=sent,
         )
-        return Component(final, solution, component.members, exactness)
+        return Component(final, solution, component.members, exactness, component.ambiguities)
 
 
 def _in_order(factor: Factor, system: System, values: Values) -> list[Array]:

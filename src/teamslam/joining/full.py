@@ -69,7 +69,7 @@ def _full(
         chi2=solution.chi2,
         rows=solution.rows,
     )
-    return Component(full_map, solution, component.members)
+    return Component(full_map, solution, component.members, ambiguities=component.ambiguities)
 
 
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:

@@ -1,7 +1,8 @@
 """Algorithm 2: submaps joined into one map, minimising g(G) = sum_i |S^_i (-) H_i(G)|^2 weighed by I_i (paper, eq. 11).
 
     place:  where each submap's frame lies, in closed form
-    solve:  all frames and variables together; raw measurements that travel with the submaps join in
+    solve:  all frames and variables together; raw measurements that travel with the submaps join in; where the
+            frames have several assemblies, from each, and the lowest cost counts
     keep :  G^ and its information: a submap again
 
 A join is a pure function of the set of submaps: they are put in order by id before anything is computed. It refuses to
@@ -10,12 +11,12 @@ count a measurement twice. Submaps that nothing holds together come back as sepa
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import IntArray
+from teamslam.geometry import IntArray, Pose
 from teamslam.joining.carry import Carrier
 from teamslam.joining.place import Cluster, place, spread
 from teamslam.joining.triangulate import triangulate
@@ -23,6 +24,8 @@ from teamslam.joining.world import anchor
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
 from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
+
+RULED_OUT = 16.0  # of cost: four sigmas; an assembly that costs more is not mentioned
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,14 @@ class Exactness:
 @dataclass(frozen=True, eq=False)
 class Component:
     """Submaps that could be joined: their `map`, the solver's account (None for a submap left alone), their ids, and
-    after an exact join how exact it is."""
+    after an exact join how exact it is. `ambiguities` names other ways to put the submaps together (a mirrored truss)
+    that cost about as much."""
 
     map: Submap
     solution: Solution | None
     members: tuple[str, ...]
     exactness: Exactness | None = None
+    ambiguities: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +133,23 @@ def _join_cluster(
     submaps: Sequence[Submap], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
 ) -> Component:
     members = [submaps[number] for number in cluster.members]
+    found = [_join_from(members, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
+    found.sort(key=lambda component: component.map.cost)
+    return replace(
+        found[0], ambiguities=tuple(_ambiguity(found[0], other) for other in found[1:] if _close(found[0], other))
+    )
+
+
+def _join_from(
+    members: Sequence[Submap], frames: Sequence[Pose], options: Options, progress: Callable[[Step], None] | None
+) -> Component:
+    """The optimum from one assembly of the members' frames."""
     ids = tuple(sorted(m.id for m in members))
     raw = [table for member in members for table in member.raw]
     if len(members) == 1 and not raw:
         return Component(members[0], None, ids)
     names = members[0].names.merge(m.names for m in members[1:])
-    start = triangulate(spread(members, cluster.frames), raw)
+    start = triangulate(spread(members, frames), raw)
     usable, _ = usable_rows(raw, start.layout)
     start, fixed = anchor(start, members[0], usable)
     terms = [SubmapTerm.of(member) for member in members]
@@ -141,6 +157,20 @@ def _join_cluster(
     system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, move=carrier.move)
     solution = optimise(system, convex_start(system, start, options), options, progress)
     return Component(joined_map(members, usable, solution, fixed, names), solution, ids)
+
+
+def _close(best: Component, other: Component) -> bool:
+    """Whether another optimum cannot be ruled out, and is another one."""
+    apart = np.abs(other.map.values.minus(best.map.values)).max() > 1e-3
+    return bool(apart) and other.map.cost - best.map.cost < RULED_OUT
+
+
+def _ambiguity(best: Component, other: Component) -> str:
+    return (
+        f"ambiguous: {len(best.members)} submaps fit together in another way too, such as mirrored; this map costs "
+        f"{best.map.cost:.6g}, the other {other.map.cost:.6g}. One more common landmark, or one sighting of a robot's "
+        f"pose, would decide"
+    )
 
 
 def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:

@@ -247,10 +247,12 @@ def _why(submap: Submap, found: Link, sketch: Sketch, planar: bool) -> str:
         names.describe(int(k)) for k in found.shared[is_pose(found.shared)][:2]
     ]
     loose = freedom(sketch.only(found.shared), 2 if planar else 3)
+    sigma = 1.0 / np.sqrt(max(found.firmness, 1e-9))
+    heading = f"known to {sigma:.2g} rad" if sigma < 1.0 else "unknown"
     return (
         f"{who} share only {', '.join(things)} with the map and can still turn about "
         f"{'it' if len(found.shared) == 1 else 'them'}: under-constrained, {loose} direction"
-        f"{'' if loose == 1 else 's'} free (heading known to {1.0 / np.sqrt(max(found.firmness, 1e-9)):.2g} rad); "
+        f"{'' if loose == 1 else 's'} free (heading {heading}); "
         f"{'two more common landmarks' if loose == 3 else 'one more common landmark'} elsewhere, "
         f"or one sighting of a robot's pose, would join them"
     )
