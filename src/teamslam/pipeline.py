@@ -5,15 +5,21 @@ split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squar
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from teamslam.config import Config
+from teamslam.errors import InputError
 from teamslam.joining import ORDERS, Joined, build, exact_join, full, split
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Submap
-from teamslam.solver import Covariances
+from teamslam.net import Workers, gather, join_in_tree
+from teamslam.net.pieces import write_pieces
+from teamslam.solver import Covariances, Options
 
 T = TypeVar("T")
 Progress = Callable[[str, int, int], None]
@@ -44,19 +50,33 @@ class Result:
         return self.joined.map
 
 
-def run(dataset: Dataset, config: Config = DEFAULTS, progress: Progress | None = None) -> Result:
+def run(
+    dataset: Dataset,
+    config: Config = DEFAULTS,
+    progress: Progress | None = None,
+    *,
+    workers: Workers | None = None,
+    work: Path | None = None,
+) -> Result:
     """Map a team's log by submap joining or by full least squares, as `config.method` says.
 
-    Raises SolveError where a submap or map does not exist; parts that cannot be joined are components of the result.
+    With `workers`, submaps are built and joined on them, by a tree; what they make lies in the folder `work`, from
+    which an interrupted run goes on (None: a folder that is gone afterwards).
+    Raises SolveError where a submap or map does not exist, InputError where workers are asked for what they cannot do;
+    parts that cannot be joined are components of the result.
     """
+    if workers is not None and (config.method == "full" or config.join.exact):
+        raise InputError("workers join submaps by a tree; full least squares and exact joins run in one process")
     clock = Clock(progress)
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     submaps: tuple[Submap, ...] = ()
     if config.method == "full":
         clock.start("full least squares")
         joined = full(log, options=config.solver)
+    elif workers is not None:
+        submaps, joined = _on_workers(_pieces(log, config), workers, work, config.solver, clock)
     else:
-        pieces = split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
+        pieces = _pieces(log, config)
         clock.start("building submaps", len(pieces))
         submaps = clock.each(build(piece, options=config.solver) for piece in pieces)
         if config.join.exact:
@@ -72,6 +92,21 @@ def run(dataset: Dataset, config: Config = DEFAULTS, progress: Progress | None =
     return Result(config, dataset, submaps, joined, covariances, report, clock.stop())
 
 
+def _pieces(log: Dataset, config: Config) -> list[Dataset]:
+    return split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
+
+
+def _on_workers(
+    pieces: Sequence[Dataset], workers: Workers, work: Path | None, options: Options, clock: "Clock"
+) -> tuple[tuple[Submap, ...], Joined]:
+    """Submaps built and joined on workers; from the tree's estimate on, their join at once."""
+    with nullcontext(work) if work else TemporaryDirectory(prefix="teamslam-") as folder:
+        files = write_pieces(pieces, Path(folder) / "pieces")
+        tree = join_in_tree(files, Path(folder), workers=workers, options=options, progress=clock.hear)
+        clock.start("joining submaps")
+        return tree.leaves(), gather(tree, options)
+
+
 class Clock:
     """Times the stages of a run and tells `progress` about them."""
 
@@ -85,6 +120,12 @@ class Clock:
         self.stop()
         self._stage, self._of, self._began = stage, of, time.perf_counter()
         self._progress(stage, 0, of)
+
+    def hear(self, stage: str, done: int, of: int) -> None:
+        """A stage that tells its own progress."""
+        if stage != self._stage:
+            self.start(stage, of)
+        self._progress(stage, done, of)
 
     def each(self, parts: Iterable[T]) -> tuple[T, ...]:
         """All parts of a stage, told one by one."""

@@ -1,13 +1,17 @@
 """`teamslam join`: submap files in, one map out (Algorithm 2); bad submaps are refused and the rest is joined."""
 
 from pathlib import Path
+from shutil import rmtree
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from teamslam.model import Values
-    from teamslam.net import Admission
+    from collections.abc import Sequence
+
+    from teamslam.joining import Joined
+    from teamslam.model import Submap, Values
+    from teamslam.net import Admission, Workers
     from teamslam.results.record import Record
 
 
@@ -15,6 +19,8 @@ def join(
     *maps: Path,
     out: Path,
     truth: Path | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
@@ -28,6 +34,7 @@ def join(
     teamslam join submaps --out map
     teamslam join robot-1 robot-2 other/3_robot_3.submap --out map
     teamslam join submaps --out map --truth MRCLAM_Dataset6
+    teamslam join submaps --out map --workers 8
     teamslam join VicPark_200_local_maps --out map
     ```
 
@@ -42,6 +49,12 @@ def join(
         The folder to write. It appears when everything in it is written, never half.
     truth
         A log that holds the truth, to score the map against.
+    workers
+        Join in so many processes, by a tree. What they make lies beside the output, in OUT.parts, until all is done:
+        run the same command again after an interruption, and it goes on from there.
+    cluster
+        Do so on the workers of the dask scheduler at this address (tcp://host:8786) instead; they need to see the
+        output folder under the same path. Needs `pip install teamslam[cluster]`.
     force
         Replace an earlier run in the output folder.
     figures
@@ -50,6 +63,7 @@ def join(
         Print nothing but errors.
     """
     from teamslam.cli.console import complain, pairs, say
+    from teamslam.cli.options import workers_for
     from teamslam.cli.words import outcome
     from teamslam.config import Config
     from teamslam.errors import InputError
@@ -64,9 +78,12 @@ def join(
         complain(f"refused: {refusal.name}: {refusal.reason}")
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
-    record = _joined(admitted, truth)
+    crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
+    record = _joined(admitted, truth, crew, parts)
     with whole_folder(out) as draft:
         write_record(record, Config(), draft, figures=figures)
+    if crew is not None:
+        rmtree(parts)
     if not quiet:
         pairs(f"{len(admitted.good)} submaps joined, {len(admitted.refused)} refused", outcome(record.report))
         say(f"written: {out}")
@@ -74,7 +91,7 @@ def join(
     return 0 if whole else 1
 
 
-def _joined(admitted: "Admission", truth: Path | None) -> "Record":
+def _joined(admitted: "Admission", truth: Path | None, workers: "Workers | None", parts: Path) -> "Record":
     """The run that joining these submaps is: what went in is what they hold."""
     from dataclasses import replace
     from time import perf_counter
@@ -89,7 +106,7 @@ def _joined(admitted: "Admission", truth: Path | None) -> "Record":
     from teamslam.solver import Covariances
 
     began = perf_counter()
-    joined = join_submaps(admitted.good)
+    joined = join_submaps(admitted.good) if workers is None else _on_workers(admitted.good, workers, parts)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     raw = tuple(table for submap in admitted.good for table in submap.raw)
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
@@ -106,6 +123,17 @@ def _joined(admitted: "Admission", truth: Path | None) -> "Record":
         "refused": [{"name": r.name, "reason": r.reason} for r in admitted.refused],
     }
     return replace(record, report={**record.report, **held})
+
+
+def _on_workers(submaps: "Sequence[Submap]", workers: "Workers", parts: Path) -> "Joined":
+    """The submaps joined by a tree whose files lie in `parts`, and from its estimate on at once."""
+    from teamslam.io.arrays import write_submap
+    from teamslam.net import gather, join_in_tree
+
+    files = [parts / "maps" / f"{number}.submap" for number in range(len(submaps))]
+    for submap, file in zip(submaps, files, strict=True):
+        write_submap(submap, file)
+    return gather(join_in_tree(files, parts, workers=workers))
 
 
 def _pose_kinds(values: "Values") -> "zip[tuple[int, int]]":

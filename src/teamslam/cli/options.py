@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from teamslam.config import Config
+    from teamslam.net import Workers
 
 
 def config_for(
@@ -33,3 +34,15 @@ def config_for(
             raise InputError("--loss-scale needs --loss (or a [loss] in the options file)")
         return replace(config, loss=replace(config.loss, scale=loss_scale))
     return config
+
+
+def workers_for(count: int | None, cluster: str | None) -> "Workers | None":
+    """The workers that were asked for, None where none were. InputError where both kinds were."""
+    from teamslam.errors import InputError
+    from teamslam.net import Cluster, Processes
+
+    if count is not None and cluster is not None:
+        raise InputError("give --workers for processes of this machine, or --cluster for those of a cluster, not both")
+    if cluster is not None:
+        return Cluster(cluster)
+    return None if count is None else Processes(count)

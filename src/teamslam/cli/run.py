@@ -1,6 +1,7 @@
 """`teamslam run`: a log in, a map with its errors and figures out."""
 
 from pathlib import Path
+from shutil import rmtree
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -17,51 +18,60 @@ def run(
     loss_scale: float | None = None,
     config: Path | None = None,
     format: str | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Map a team's log, and write a folder with the map, its covariances, errors and figures.
 
-        The robots' start poses need not be known. Where the log holds truth, the result is scored against it.
+    The robots' start poses need not be known. Where the log holds truth, the result is scored against it.
 
-        ```
-        teamslam run MRCLAM_Dataset6 --out joined
-        teamslam run MRCLAM_Dataset6 --out exact --exact
+    ```
+    teamslam run MRCLAM_Dataset6 --out joined
+    teamslam run MRCLAM_Dataset6 --out exact --exact
     teamslam run MRCLAM_Dataset6 --out full --method full
-        teamslam run my-team --out my-map --loss huber --loss-scale 2
-        teamslam run my-team --out again --config my-map/config.toml
-        ```
+    teamslam run my-team --out my-map --loss huber --loss-scale 2
+    teamslam run my-team --out again --config my-map/config.toml
+    teamslam run many-robots --out large --workers 8
+    ```
 
-        Exit codes: 0 done; 1 not converged, or parts of the team could not be joined; 2 bad input or usage.
+    Exit codes: 0 done; 1 not converged, or parts of the team could not be joined; 2 bad input or usage.
 
-        Parameters
-        ----------
-        input
-            A log: a folder or file in any format that `teamslam convert --help` lists.
-        out
-            The folder to write. It appears when everything in it is written, never half.
-        method
-            join: submaps, then their join (the default). full: one least squares problem over all measurements.
-        exact
-            Join in rounds until the map is that of the full least squares, and report how far from it.
-        loss
-            Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader sets it.
-        loss_scale
-            Scale of the loss, in sigmas.
-        config
-            Options in TOML; those on the command line win.
-        format
-            The format of the input, where it cannot be told from its looks.
-        force
-            Replace an earlier run in the output folder.
-        figures
-            Draw figures.
-        quiet
-            Print nothing but errors.
+    Parameters
+    ----------
+    input
+        A log: a folder or file in any format that `teamslam convert --help` lists.
+    out
+        The folder to write. It appears when everything in it is written, never half.
+    method
+        join: submaps, then their join (the default). full: one least squares problem over all measurements.
+    exact
+        Join in rounds until the map is that of the full least squares, and report how far from it.
+    loss
+        Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader sets it.
+    loss_scale
+        Scale of the loss, in sigmas.
+    config
+        Options in TOML; those on the command line win.
+    format
+        The format of the input, where it cannot be told from its looks.
+    workers
+        Build and join the submaps in so many processes, by a tree. What they make lies beside the output, in
+        OUT.parts, until all is done: run the same command again after an interruption, and it goes on from there.
+    cluster
+        Do so on the workers of the dask scheduler at this address (tcp://host:8786) instead; they need to see the
+        output folder under the same path. Needs `pip install teamslam[cluster]`.
+    force
+        Replace an earlier run in the output folder.
+    figures
+        Draw figures.
+    quiet
+        Print nothing but errors.
     """
     from teamslam.cli.console import pairs, progress_bar, say
-    from teamslam.cli.options import config_for
+    from teamslam.cli.options import config_for, workers_for
     from teamslam.cli.words import outcome
     from teamslam.io import read
     from teamslam.pipeline import run as run_pipeline
@@ -70,13 +80,16 @@ def run(
 
     refuse_to_overwrite(out, replace=force)
     options = config_for(config, method=method, exact=exact, loss=loss, loss_scale=loss_scale)
+    crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
     with progress_bar(quiet) as progress:
         progress("reading", 0, 0)
         dataset = read(input, format=format, **options.read)
         progress("reading", 1, 1)
-        result = run_pipeline(dataset, options, progress)
+        result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
         progress("writing", 0, 0)
         record = write_run(result, out, replace=force, figures=figures)
+        if crew is not None:
+            rmtree(parts)
         progress("writing", 1, 1)
     if not quiet:
         pairs(f"{input}: {options.method}", outcome(record.report))

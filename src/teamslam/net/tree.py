@@ -178,6 +178,8 @@ def _upwards(
         groups = [group.parts for group in done]
         if root:
             components = (Component(read_submap(p.whole, prove=False), None, tuple(_ids(p, ids))) for p in groups[0])
+            if not done[0].converged:
+                raise SolveError("the last groups of the tree did not converge; allow more iterations, or join at once")
             return groups[0], Joined(tuple(components), done[0].reasons)
 
 
@@ -201,10 +203,12 @@ def _to_keep(submap: Submap, shared: IntArray) -> IntArray:
 
 @dataclass(frozen=True)
 class Group:
-    """What joining some parts gave: a part for each component, and why there are several."""
+    """What joining some parts gave: a part for each component, why there are several, and whether each is an
+    optimum."""
 
     parts: tuple[Part, ...]
     reasons: tuple[str, ...]
+    converged: bool
 
 
 def _joined_group(task: tuple[tuple[Part, ...], IntArray | None, Path, Options]) -> Group:
@@ -217,19 +221,32 @@ def _joined_group(task: tuple[tuple[Part, ...], IntArray | None, Path, Options])
     maps = {part: read_submap(part.small, prove=False) for part in parts}
     of_id = {submap.id: part for part, submap in maps.items()}
     joined = join(maps.values(), options=options)
-    if not joined.converged:
-        raise SolveError(f"a group of {len(parts)} submaps did not converge; allow more iterations, or join fewer")
     out = []
-    for number, component in enumerate(joined.components):
+    for number, (whole_map, members) in enumerate(_settled(joined, maps, of_id, root=shared is None)):
         whole = small = folder / "tree" / f"{name}-{number}-whole{SUFFIX}"
-        write_submap(component.map, whole)
+        write_submap(whole_map, whole)
         if shared is not None:
             small = folder / "tree" / f"{name}-{number}{SUFFIX}"
-            write_submap(condense(component.map, _to_keep(component.map, shared))[0], small)
-        out.append(Part(small, whole, tuple(of_id[id_] for id_ in component.members)))
-    group = Group(tuple(out), joined.reasons)
+            write_submap(condense(whole_map, _to_keep(whole_map, shared))[0], small)
+        out.append(Part(small, whole, members))
+    group = Group(tuple(out), joined.reasons, joined.converged)
     _write_note(note, group, parts)
     return group
+
+
+def _settled(
+    joined: Joined, maps: Mapping[Part, Submap], of_id: Mapping[str, Part], *, root: bool
+) -> list[tuple[Submap, tuple[Part, ...]]]:
+    """The maps of a group, each with the parts in it. What found no optimum yet goes on unjoined: perhaps what holds it
+    comes with the next group."""
+    out: list[tuple[Submap, tuple[Part, ...]]] = []
+    for component in joined.components:
+        members = tuple(of_id[id_] for id_ in component.members)
+        if root or component.solution is None or component.solution.converged:
+            out.append((component.map, members))
+        else:
+            out += [(maps[part], (part,)) for part in members]
+    return out
 
 
 def _write_note(note: Path, group: Group, parts: tuple[Part, ...]) -> None:
@@ -237,7 +254,7 @@ def _write_note(note: Path, group: Group, parts: tuple[Part, ...]) -> None:
     content = [
         {"small": p.small.name, "whole": p.whole.name, "below": [parts.index(b) for b in p.below]} for p in group.parts
     ]
-    text = json.dumps({"parts": content, "reasons": group.reasons})
+    text = json.dumps({"parts": content, "reasons": group.reasons, "converged": group.converged})
     with whole_file(note) as file:
         file.write(text.encode())
 
@@ -253,7 +270,7 @@ def _noted(note: Path, parts: tuple[Part, ...]) -> Group | None:
         if _finished(small) is None or _finished(whole) is None:
             return None
         out.append(Part(small, whole, tuple(parts[number] for number in entry["below"])))
-    return Group(tuple(out), tuple(content["reasons"]))
+    return Group(tuple(out), tuple(content["reasons"]), content["converged"])
 
 
 # --- back down --------------------------------------------------------------------------------------------------------
