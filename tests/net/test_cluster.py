@@ -17,7 +17,8 @@ from teamslam.model import Dataset, Values, is_pose, robot_of
 from teamslam.net import Cluster, Processes, TreeMap, gather, join_in_tree
 from teamslam.net.pieces import write_pieces
 from teamslam.net.sharing import Sharing, by_sharing
-from teamslam.solver import Covariances
+from teamslam.net.tree import Part, settled
+from teamslam.solver import Covariances, Options
 from worlds import WORLDS, team
 
 
@@ -119,6 +120,15 @@ def test_strangers_are_components_with_the_reason(tmp_path: Path) -> None:
 def test_a_team_of_one(tmp_path: Path) -> None:
     tree, joined = both(team("3d", robots=1), tmp_path, fan=2, poses_per_piece=100)
     assert shifts(tree.values(), joined).max() < 1e-6
+
+
+def test_a_group_that_finds_no_optimum_goes_on_unjoined(tmp_path: Path) -> None:
+    maps = {Part(tmp_path / str(n), tmp_path): build(p) for n, p in enumerate(split(team("planar")))}
+    of_id = {submap.id: part for part, submap in maps.items()}
+    stopped = join(maps.values(), options=Options(max_iterations=1))
+    assert not stopped.converged
+    assert settled(stopped, maps, of_id, root=False) == [(submap, (part,)) for part, submap in maps.items()]
+    assert settled(stopped, maps, of_id, root=True) == [(stopped.map, tuple(maps))]
 
 
 def test_trajectories_a_file_a_robot(tmp_path: Path) -> None:

@@ -222,7 +222,7 @@ def _joined_group(task: tuple[tuple[Part, ...], IntArray | None, Path, Options])
     of_id = {submap.id: part for part, submap in maps.items()}
     joined = join(maps.values(), options=options)
     out = []
-    for number, (whole_map, members) in enumerate(_settled(joined, maps, of_id, root=shared is None)):
+    for number, (whole_map, members) in enumerate(settled(joined, maps, of_id, root=shared is None)):
         whole = small = folder / "tree" / f"{name}-{number}-whole{SUFFIX}"
         write_submap(whole_map, whole)
         if shared is not None:
@@ -234,7 +234,7 @@ def _joined_group(task: tuple[tuple[Part, ...], IntArray | None, Path, Options])
     return group
 
 
-def _settled(
+def settled(
     joined: Joined, maps: Mapping[Part, Submap], of_id: Mapping[str, Part], *, root: bool
 ) -> list[tuple[Submap, tuple[Part, ...]]]:
     """The maps of a group, each with the parts in it. What found no optimum yet goes on unjoined: perhaps what holds it
