@@ -87,7 +87,7 @@ def send(kind: str, submap: Submap, keep: AnyArray, precision: Precision = EXACT
         raise InputError(f"unknown kind of message '{kind}'; choose one of {', '.join(CONDENSINGS)}")
     small = CONDENSINGS[kind](submap, keep)
     body = Writer()
-    rounding = put_submap(body, small, precision)
+    rounding = put_submap(body, small, precision.as_limit())
     return _seal(kind, small.id, small.version, rounding, body)
 
 
@@ -104,7 +104,7 @@ def send_raw(piece: Dataset, id: str, version: int = 0, precision: Precision = E
         body.number(piece.robots[robot])
     put_known(body, known)
     put_names(body, piece.names, known, Sources.of(piece.tables))
-    rounding = put_tables(body, piece.tables, known, precision)
+    rounding = put_tables(body, piece.tables, known, precision.as_limit())
     return _seal("raw", id, version, rounding, body)
 
 

@@ -26,23 +26,30 @@ from teamslam.geometry import Array, IntArray, Pose
 from teamslam.model import Kind, Layout, Values, rows_of
 from teamslam.solver import Factor
 
+FINEST = 1e-9  # of a limit: finer than this is the same as to the bit, but longer
 LARGEST_ROOT = 1200  # unknowns: beyond, the dense inverse that error feedback needs costs more than it saves
 
 
 @dataclass(frozen=True)
 class Precision:
     """How far rounding may go, or went: `shift_sigma`, of the estimate in sigmas of the whole submap; `information`,
-    eta, the relative change of the information in any direction. Zero means to the bit. Raises InputError for limits
-    that no rounding can keep."""
+    eta, the relative change of the information in any direction. Zero means to the bit. Raises InputError for numbers
+    that are neither."""
 
     shift_sigma: float = 0.03
     information: float = 0.01
 
     def __post_init__(self) -> None:
-        for name, value, least, most in (("shift_sigma", self.shift_sigma, 1e-9, 1.0),
-                                         ("information", self.information, 1e-9, 0.5)):  # fmt: skip
-            if value != 0.0 and not least <= value <= most:
-                raise InputError(f"{name} is 0 (to the bit) or between {least:g} and {most:g}, found {value:g}")
+        for name, value, most in (("shift_sigma", self.shift_sigma, 1.0), ("information", self.information, 0.5)):
+            if not 0.0 <= value <= most:
+                raise InputError(f"{name} is 0 (to the bit) or at most {most:g}, found {value:g}")
+
+    def as_limit(self) -> "Precision":
+        """Itself, to be kept by a rounding. Raises InputError for a limit that no rounding can keep."""
+        for name, value in (("shift_sigma", self.shift_sigma), ("information", self.information)):
+            if 0.0 < value < FINEST:
+                raise InputError(f"{name} is 0 (to the bit) or at least {FINEST:g}, found {value:g}")
+        return self
 
     def beside(self, other: "Precision") -> "Precision":
         """The bound of two roundings together: shifts in quadrature, of the informations the worse."""
