@@ -1,5 +1,10 @@
 """Joining by a tree: one level is the join of all at once, more levels differ to second order; kills are survived."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -9,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perishing import piece_after_a_death, piece_of, piece_of_death, small_log
+from perishing import join_with_an_end, piece_after_a_death, piece_of, piece_of_death, small_log
 from teamslam.errors import InputError, ModelError, SolveError
 from teamslam.geometry import Array
 from teamslam.joining import Joined, build, join, split
@@ -179,7 +184,19 @@ def test_a_changed_piece_changes_what_depends_on_it(tmp_path: Path) -> None:
 
 # --- workers that die -------------------------------------------------------------------------------------------------
 
+kills = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 
+
+def runs(pid: int) -> bool:
+    """True while a process runs; one that has ended may still be listed, as a zombie."""
+    try:
+        os.kill(pid, 0)
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except (OSError, ValueError):
+        return False
+
+
+@kills
 def test_a_killed_process_is_survived(tmp_path: Path) -> None:
     jobs = [partial(piece_after_a_death, 1, 3, tmp_path / "died"), partial(piece_of, 2, 3)]
     heard: list[tuple[str, int, int]] = []
@@ -189,11 +206,30 @@ def test_a_killed_process_is_survived(tmp_path: Path) -> None:
     assert ("building submaps", 2, 2) in heard
 
 
+@kills
+def test_a_run_that_was_killed_goes_on_from_what_is_finished(tmp_path: Path) -> None:
+    folder, marker = tmp_path / "j", tmp_path / "died"
+    script = "import sys, pathlib, perishing; perishing.join_with_an_end(*map(pathlib.Path, sys.argv[1:]))"
+    here = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run([sys.executable, "-c", script, folder, marker], env=here)
+    assert ended.returncode == -signal.SIGKILL
+    (finished,) = (folder / "submaps").glob("*.submap")
+    written = finished.stat().st_mtime_ns
+    worker = int(marker.read_text())
+    while runs(worker):  # it leaves when it sees that the run is gone
+        time.sleep(0.05)
+    tree = join_with_an_end(folder, marker)
+    assert finished.stat().st_mtime_ns == written
+    assert shifts(tree.values(), join(map(build, split(small_log(3))))).max() < 1e-6
+
+
+@kills
 def test_processes_that_die_again_and_again_are_given_up(tmp_path: Path) -> None:
     with pytest.raises(SolveError, match="workers died 3 times in a row, with 1 of 1 tasks left"):
         join_in_tree([partial(piece_of_death, 1, 3)], tmp_path, workers=Processes(1))
 
 
+@kills
 def test_a_killed_worker_of_a_cluster_is_survived(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
     jobs = [partial(piece_after_a_death, 1, 3, tmp_path / "died"), partial(piece_of, 2, 3)]

@@ -11,6 +11,7 @@ processors.
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -49,7 +50,20 @@ class Processes:
 
     def open(self) -> Executor:
         """A pool of processes."""
-        return ProcessPoolExecutor(self.count, mp_context=multiprocessing.get_context("spawn"))
+        fresh = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(self.count, mp_context=fresh, initializer=_leave_with_parent)
+
+
+def _leave_with_parent() -> None:
+    """A worker whose parent was killed would wait for it for ever; so one thread watches, and ends the process."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @dataclass(frozen=True)
