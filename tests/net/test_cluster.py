@@ -256,6 +256,14 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
         join_in_tree(twice, tmp_path, workers=Here())
 
 
+def test_what_would_count_twice_is_refused_wherever_in_the_tree_it_meets(tmp_path: Path) -> None:
+    log = team("2d", robots=3)
+    whole, halves = split(log), split(log.of_robot(1), poses_per_piece=6)
+    files = write_pieces([*whole, halves[1]], tmp_path / "p")
+    with pytest.raises(ModelError, match="they would count twice"):
+        join_in_tree(files, tmp_path / "j", workers=Here(), fan=2)
+
+
 def test_no_cluster_at_an_address() -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
     with pytest.raises(InputError, match="no dask scheduler"):
