@@ -7,9 +7,9 @@
     recover:   downwards, each group's interiors follow from the places of what it had passed on; last each submap's
 
 Whoever joins holds what its group shares with others, never what is inside, so memory is bounded by the widest
-separator (and by one leaf; who runs the tree knows every variable's name, eight bytes each). The tree is grown along the team's own sharing: those who share most are joined first. With one level this
-is the join of all at once, exactly. Each further level linearises once more, which differs to second order in the
-noise, as do all ORDERS.
+separator (and by one leaf; who runs the tree knows every variable's name, eight bytes each). The tree is grown along
+the team's own sharing: those who share most are joined first. With one level this is the join of all at once, exactly.
+Each further level linearises once more, which differs to second order in the noise, as do all ORDERS.
 
 Everything made lies in a folder, named by the digest of what it is made from. So a run that was killed goes on where
 it stopped, a submap that is finished is not built again, and a changed log changes only what depends on it.
