@@ -27,10 +27,12 @@ with 0.1 m, neighbours share the landmarks along their common edge and see each 
   shares with others. The root of the largest team has {root} unknowns.
 - *chi2 / dof* should be 1 within {spread:.4f} (one standard deviation at the largest team). *position RMSE* is over all
   poses, after one rigid fit of the whole map to the truth.
-- *killed*: one worker killed (SIGKILL) when half of the submaps were built. {same}
+- *killed*: one worker killed (SIGKILL) when half of the submaps were built.
+  {same}
 - *load* is the load average of the machine at the end of the run: other work ran beside, on the same processors.
 
-{machine}. Command:
+{machine}.
+Command:
 
     python benchmarks/growth.py run --work /tmp/growth --workers 2
     python benchmarks/growth.py draw --work /tmp/growth
@@ -78,8 +80,8 @@ def slope_line(name: str, rows: list[Row]) -> str:
     """The slopes of a series in words: over all of it, and where starting the workers no longer counts."""
     long = [r for r in rows if r["poses"] >= 30_000]
     return (
-        f"- {name}: time grows with the power {slope(rows):.2f} of the poses over all sizes "
-        f"({rows[0]['poses']:,} to {rows[-1]['poses']:,}), {slope(long):.2f} from {long[0]['poses']:,} on."
+        f"- {name}: time grows with the power {slope(rows):.2f} of the poses over all sizes\n"
+        f"  ({rows[0]['poses']:,} to {rows[-1]['poses']:,}), {slope(long):.2f} from {long[0]['poses']:,} on."
     )
 
 
