@@ -105,6 +105,17 @@ def test_robust_sightings_of_robots_place_them_too(world: str) -> None:
     assert misplaced(dataset, submaps, cluster.members, cluster.frames) < 1e-4
 
 
+def test_points_that_hold_no_frame_do_not_outvote_a_pose() -> None:
+    """Two landmarks a hand apart agree with each other, but not on where the robot is that was seen."""
+    points = np.array([[2.0, 0.0], [2.1, 0.0], [0.0, 1.0]])
+    here = sketch([1, 2, 3], points + [[3.0, 0.0], [3.0, 0.0], [0.0, 0.0]])
+    there = sketch([1, 2, 3], points)
+    seen = np.array([False, False, True])
+    found = link(replace(here, oriented=seen), replace(there, oriented=seen), True)
+    assert found.holds
+    np.testing.assert_allclose(found.frame.minus(Pose.identity(2)), 0.0, atol=0.02)
+
+
 @given(generators, dims)
 def test_a_link_is_the_motion_between_two_views(rng: np.random.Generator, dim: int) -> None:
     frame, places = random_poses(rng, dim, turn=3.0), rng.normal(scale=3.0, size=(7, dim))

@@ -90,28 +90,33 @@ def link(cluster: Sketch, strand: Sketch, planar: bool) -> Link:
         cluster.turns[mine][:, :dim, :dim],
         strand.turn_variances[theirs] + cluster.turn_variances[mine] + TURN_SIGMA**2,
     )
-    frame, trust, scale = _settle(shared, _elect(shared))
-    firmness = _firmness(shared, trust / scale)
-    oriented = bool((shared.oriented & (trust > 0.5)).any())
-    return Link(frame, firmness, keys, trust, oriented)
+    found = _settle(keys, shared, _elect(shared, concatenate([_by_all(shared), _by_poses(shared), _by_points(shared)])))
+    if not found.holds and shared.oriented.any():
+        # Points that do not hold a frame themselves cannot outvote a pose that does.
+        return _settle(keys, shared, _elect(shared, _by_poses(shared)), rounds=0)
+    return found
 
 
-def _elect(shared: _Shared) -> Pose:
+def _elect(shared: _Shared, proposals: Pose) -> Pose:
     """The proposed frame with the least against it."""
-    proposals = _proposals(shared)
     return proposals[int(np.argmin(np.log1p(shared.misfit(proposals)).sum(-1)))]
 
 
-def _proposals(shared: _Shared) -> Pose:
-    n, dim = shared.source.shape
-    frames = [shared.fit(np.ones(n))[None]]
+def _by_all(shared: _Shared) -> Pose:
+    return shared.fit(np.ones(len(shared.source)))[None]
+
+
+def _by_poses(shared: _Shared) -> Pose:
     poses = np.flatnonzero(shared.oriented)
     poses = poses[np.unique(np.linspace(0, len(poses) - 1, PROPOSALS).astype(int))] if len(poses) else poses
     turn = shared.target_turns[poses] @ np.swapaxes(shared.source_turns[poses], -1, -2)
-    frames.append(Pose(turn, shared.target[poses] - (turn @ shared.source[poses][..., None])[..., 0]))
-    if n > dim:  # with fewer points there is nobody to outvote
-        frames.append(_fits(shared.source, shared.target, _subsets(n, dim)))
-    return concatenate(frames)
+    return Pose(turn, shared.target[poses] - (turn @ shared.source[poses][..., None])[..., 0])
+
+
+def _by_points(shared: _Shared) -> Pose:
+    n, dim = shared.source.shape
+    # With fewer points there is nobody to outvote.
+    return _fits(shared.source, shared.target, _subsets(n, dim)) if n > dim else Pose.identity(dim, (0,))
 
 
 def _subsets(n: int, size: int) -> IntArray:
@@ -132,19 +137,23 @@ def _fits(source: Array, target: Array, subsets: IntArray) -> Pose:
     return Pose(turn, p_mean[:, 0] - (turn @ np.swapaxes(q_mean, -1, -2))[..., 0])
 
 
-def _settle(shared: _Shared, frame: Pose) -> tuple[Pose, Array, float]:
-    """The frame refined, how far each shared thing is trusted, and the typical misfit (1 where the noise is as
+def _settle(keys: IntArray, shared: _Shared, frame: Pose, rounds: int = 20) -> Link:
+    """The frame refined; how far each shared thing is trusted, and the typical misfit (1 where the noise is as
     stated): drift that everything shows is forgiven, a wrong link among good ones is not."""
-    trust, scale = np.ones(len(shared.source)), 1.0
-    for _ in range(20):
-        squared = shared.misfit(frame[None])[0]
-        scale = float(np.maximum(np.median(squared), 1.0))
-        new = np.where(squared <= OUTVOTED**2 * scale, 1.0 / (1.0 + squared / (4.0 * scale)), 0.0)
-        if np.allclose(new, trust, rtol=1e-3):
-            break
-        trust = new
+    trust, scale = _trust(shared, frame)
+    for _ in range(rounds):
         frame = shared.fit(trust)
-    return frame, trust, scale
+        before, (trust, scale) = trust, _trust(shared, frame)
+        if np.allclose(trust, before, rtol=1e-3):
+            break
+    oriented = bool((shared.oriented & (trust > 0.5)).any())
+    return Link(frame, _firmness(shared, trust / scale), keys, trust, oriented)
+
+
+def _trust(shared: _Shared, frame: Pose) -> tuple[Array, float]:
+    squared = shared.misfit(frame[None])[0]
+    scale = float(np.maximum(np.median(squared), 1.0))
+    return np.where(squared <= OUTVOTED**2 * scale, 1.0 / (1.0 + squared / (4.0 * scale)), 0.0), scale
 
 
 def _firmness(shared: _Shared, trust: Array) -> float:

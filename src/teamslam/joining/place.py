@@ -70,9 +70,7 @@ class _Placing:
         keys, times = np.unique(np.concatenate(known), return_counts=True)
         shared = keys[times > 1]
         self.sketches = [
-            sketch_strand([submaps[m] for m in members], frames).only(shared)
-            if np.isin(of, shared).any()
-            else _nothing()
+            sketch_strand([submaps[m] for m in members], frames, shared) if np.isin(of, shared).any() else _nothing()
             for (members, frames), of in zip(strands, known, strict=True)
         ]
         self._holders = (

@@ -61,17 +61,18 @@ class Sketch:
         return replace(self, variances=places, turn_variances=self.turn_variances + turn_variance)
 
 
-def sketch_strand(submaps: Sequence[Submap], frames: Sequence[Pose]) -> Sketch:
-    """What a strand knows, in the frame of its first submap; `frames` are its submaps' bases there."""
+def sketch_strand(submaps: Sequence[Submap], frames: Sequence[Pose], shared: IntArray) -> Sketch:
+    """What a strand knows of the `shared` keys, in the frame of its first submap; `frames` are its submaps' bases
+    there."""
     loose: dict[int, tuple[float, float]] = {submaps[0].base: (0.0, 0.0)}
     parts = []
     for submap, frame in zip(submaps, frames, strict=True):
-        placed = _sketch(submap).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
+        placed = _sketch(submap, shared).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
         bases = placed.only(np.array([other.base for other in submaps]))
         for key, place, turn in zip(bases.keys, bases.variances, bases.turn_variances, strict=True):
             loose.setdefault(int(key), (float(place), float(turn)))
         parts.append(placed)
-    return Sketch.of(*parts)
+    return Sketch.of(*parts).only(shared)
 
 
 def known_keys(submap: Submap) -> IntArray:
@@ -79,7 +80,7 @@ def known_keys(submap: Submap) -> IntArray:
     return np.concatenate([submap.keys, *(t.keys[:, 1] for t in submap.raw if not t.row.unary)])
 
 
-def _sketch(submap: Submap) -> Sketch:
+def _sketch(submap: Submap, shared: IntArray) -> Sketch:
     """A submap's own variables, then what its raw sightings show of others."""
     values = submap.all_values
     keys = values.layout.keys
@@ -87,7 +88,7 @@ def _sketch(submap: Submap) -> Sketch:
     turns = np.tile(np.eye(3), (len(keys), 1, 1))
     turns[poses] = values.poses_of(keys[poses], 3).rotation
     own = poses & np.isin(robot_of(keys), submap.robots)
-    parts = [Sketch(keys, values.positions(keys, 3), turns, poses, *_variances(submap, keys), own)]
+    parts = [Sketch(keys, values.positions(keys, 3), turns, poses, *_variances(submap, keys, shared), own)]
     for table in submap.raw:
         if table.model not in (*WHOLE, "relative_pose"):
             continue
@@ -118,7 +119,7 @@ def _sighted(table: Table, seen_by: Pose) -> Sketch:
     return Sketch(table.keys[:, 1], places, turns, np.full(n, whole), variances, turn_variances, np.zeros(n, bool))
 
 
-def _variances(submap: Submap, keys: IntArray) -> tuple[Array, Array]:
+def _variances(submap: Submap, keys: IntArray, shared: IntArray) -> tuple[Array, Array]:
     """The mean variance of each variable's place and orientation; of the base, which is the frame, 0."""
     layout = submap.values.layout
     out = np.zeros((2, len(keys)))
@@ -132,7 +133,7 @@ def _variances(submap: Submap, keys: IntArray) -> tuple[Array, Array]:
         out[0, at[rows]] = diagonals[:, : kind.dim].mean(-1)
         if kind.is_pose:
             out[1, at[rows]] = diagonals[:, kind.dim :].mean(-1)
-    marks = submap.landmark_keys
+    marks = np.intersect1d(submap.landmark_keys, shared)
     if 2 < len(marks) <= MOST_JOINT:
         rows = np.searchsorted(keys, marks, sorter=order)
         out[0, order[rows]] = np.minimum(out[0, order[rows]], _among_themselves(submap, covariances, marks))
@@ -155,6 +156,8 @@ def _among_themselves(submap: Submap, covariances: Covariances, marks: IntArray)
         [np.tile(np.eye(d), (len(marks), 1)), np.stack([(points @ w.T).ravel() for w in turns], 1)], 1
     )
     basis, _ = np.linalg.qr(as_one)
-    stiff = np.eye(len(joint)) - basis @ basis.T
-    left = np.diagonal(stiff @ joint @ stiff).reshape(-1, d).mean(-1)
+    # diag(P C P) with P = 1 - B B', without forming P.
+    along = joint @ basis
+    left = np.diagonal(joint) - np.sum(basis * (2.0 * along - basis @ (basis.T @ along)), 1)
+    left = np.maximum(left, 0.0).reshape(-1, d).mean(-1)
     return np.asarray(left * len(joint) / max(len(joint) - basis.shape[1], 1))
