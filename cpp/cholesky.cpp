@@ -105,13 +105,28 @@ int32_t Cholesky::run(const double* values, const double* damping, bool keep_las
       }
     };
     for (size_t k = next++; k < queue.size(); k = next++) factor_subtree(s.task[queue[k]]);
+    // Above the tasks, a barrier stands wherever one member's work meets what others may still be doing. A pivot that
+    // fails there stops nobody, so that all members keep to the same barriers.
+    team.gather();
+    enum { settled, others_at_work, first_at_work } state = others_at_work;
+    const auto settle = [&] {
+      if (state != settled) team.barrier();
+      state = settled;
+    };
     for (const Step& step : s.top) {
-      for (int32_t k = step.late_start + team.index(); k < step.late_end; k += team.size()) factor_subtree(s.late[k]);
-      team.barrier();
-      if (first_failure.load() < s.scalars) return;
-      if (work.factor_together(step.front, team, failed)) continue;
-      if (team.index() == 0) report(work.failed_scalar());
-      return;
+      if (step.late_start < step.late_end) {
+        settle();
+        for (int32_t k = step.late_start + team.index(); k < step.late_end; k += team.size()) factor_subtree(s.late[k]);
+        state = others_at_work;
+      }
+      if (step.shared || state == others_at_work) settle();
+      if (step.shared) {
+        if (work.factor_together(step.front, team, failed)) continue;
+        if (team.index() == 0) report(work.failed_scalar());
+        return;
+      }
+      if (team.index() == 0 && !work.factor_alone(step.front)) report(work.failed_scalar());
+      state = first_at_work;
     }
   });
   const int64_t scalar = first_failure.load();

@@ -92,7 +92,7 @@ void Factorisation::add_children(const Front& front, int64_t begin, int64_t end)
 }
 
 bool Factorisation::factor_alone(int32_t f) {
-  Team alone(0, 1, nullptr);
+  Team alone;
   std::atomic<bool> failed{false};
   return factor_together(f, alone, failed);
 }

@@ -70,10 +70,11 @@ struct Task {
   double work;
 };
 
-// A front above all tasks and the late subtrees that it waits for.
+// A front above all tasks and the late subtrees that it waits for. `shared` fronts are large enough for the whole team.
 struct Step {
   int32_t front;
   int32_t late_start, late_end;
+  bool shared;
 };
 
 struct Symbolic {

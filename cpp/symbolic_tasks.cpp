@@ -25,7 +25,8 @@ void cut_tasks(Symbolic& s) {
       first[front.parent] = std::min(first[front.parent], first[f]);
     }
   }
-  const double worth_sharing = 1e6;  // ns: below this a second thread costs more than it gives
+  // ns: below these a second thread costs more than it gives, for the whole tree and for one front
+  const double worth_sharing = 3e6, worth_a_team = 2e5;
   const double grain = std::max(total / 24, 5e4);
   if (total < worth_sharing) {
     if (count > 0) s.task.push_back({0, count, total});
@@ -41,7 +42,8 @@ void cut_tasks(Symbolic& s) {
     if (work[f] > grain) {
       const auto start = static_cast<int32_t>(s.late.size());
       s.late.insert(s.late.end(), late[f].begin(), late[f].end());
-      s.top.push_back({f, start, static_cast<int32_t>(s.late.size())});
+      const double own = front_time(s.front[f].columns, s.front[f].columns + s.front[f].rows);
+      s.top.push_back({f, start, static_cast<int32_t>(s.late.size()), own > worth_a_team});
     } else if (parent == none || (work[parent] > grain && work[f] > crumb)) {
       s.task.push_back(task);
     } else if (work[parent] > grain) {

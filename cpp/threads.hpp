@@ -1,7 +1,9 @@
-// A team of threads that run one function together, with barriers: the kernel's only form of parallelism.
+// A team of threads that run one function together: the kernel's only form of parallelism.
 //
-// The threads are started once and wait between calls. Work is shared out so that results do not depend on the size of
-// the team, and whoever finds the team busy simply works alone, with the same result.
+// The threads are started once and sleep between calls. Work is shared out so that results do not depend on the size of
+// the team. On a busy machine a thread may be late by milliseconds, so nobody waits for one that has not come: whoever
+// finds the door closed stays out. A caller who lost much time waiting for others works alone for a while, and one who
+// finds the team busy works alone at once, with the same result.
 #pragma once
 
 #include <atomic>
@@ -9,11 +11,24 @@
 
 namespace teamslam {
 
+// What the members of a team share.
+struct Muster {
+  std::atomic<int> arrived{0};  // calls of barrier by all members together
+  std::atomic<int> size{0};     // of the team, once the door is closed
+};
+
 class Team {
  public:
-  Team(int index, int size, std::atomic<int>* arrived) : index_(index), size_(size), arrived_(arrived) {}
+  // A team of one.
+  Team() = default;
+  Team(int index, Muster* muster) : index_(index), size_(0), muster_(muster) {}
+
   int index() const { return index_; }
+  // Closes the door: those who have come so far are the team. Before size and barrier are used, every member calls it.
+  void gather();
   int size() const { return size_; }
+  // Seconds that this member has spent in barriers.
+  double waited() const { return waited_; }
   // Waits until every member has called it as often.
   void barrier() {
     if (size_ > 1) wait();
@@ -22,13 +37,14 @@ class Team {
  private:
   void wait();
 
-  int index_, size_;
-  std::atomic<int>* arrived_;
+  int index_ = 0, size_ = 1;
+  Muster* muster_ = nullptr;
   int target_ = 0;
+  double waited_ = 0.0;
 };
 
-// Runs body on up to `threads` threads, the caller being member 0; returns when all have finished. What a
-// member throws is thrown again by the caller; a body that throws must not use barriers.
+// Runs body on up to `threads` threads, the caller being member 0; returns when all who came have finished. What a
+// member throws is thrown again by the caller; a body that throws must not gather.
 void run_team(int threads, const std::function<void(Team&)>& body);
 
 }  // namespace teamslam
