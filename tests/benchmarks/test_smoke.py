@@ -1,0 +1,25 @@
+"""The benchmark command runs and says what it promises. Nothing is timed; peers are optional."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_small_benchmark_runs(dim: int, tmp_path: Path) -> None:
+    out = tmp_path / "small.json"
+    command = [sys.executable, "benchmarks/run.py", "--size", "small", "--dim", str(dim), "--rounds", "1"]
+    command += ["--solvers", "teamslam,gtsam,g2opy", "--json", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(out.read_text())
+    ours = next(row for row in report["rows"] if row["solver"] == "teamslam")
+    for part in ("build_ms", "solve_ms", "total_ms", "marginals_ms", "peak_mb", "chi2"):
+        assert isinstance(ours[part], float)
+    assert ours["same_optimum"]
+    assert {row["solver"] for row in report["rows"]} | set(report["absent"]) == {"teamslam", "gtsam", "g2opy"}
