@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 import platform
+import resource
 import shutil
 import signal
 import subprocess
@@ -94,6 +95,11 @@ def workers_of(kind: str, count: int) -> Iterator[tuple[Workers, Callable[[], li
         cluster.close()
 
 
+def cpu_seconds() -> float:
+    """Processor time of this process and of those below it that have ended."""
+    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+
+
 def command_of(pid: int) -> str:
     """The command line of a process."""
     try:
@@ -110,6 +116,7 @@ def measure(team: Team, work: Path, kind: str, count: int, kill: bool) -> dict[s
     shutil.rmtree(folder, ignore_errors=True)
     stages: dict[str, float] = {}
     killed: list[int] = []
+    cpu = cpu_seconds()
     with workers_of(kind, count) as (workers, pids):
         memory, began = Memory(), time.perf_counter()
 
@@ -132,6 +139,7 @@ def measure(team: Team, work: Path, kind: str, count: int, kill: bool) -> dict[s
         "poses": team.robots * team.poses,
         "killed": len(killed),
         "seconds": seconds,
+        "cpu_seconds": cpu_seconds() - cpu,
         "stages": {name: starts[n + 1] - starts[n] for n, name in enumerate(stages)},
         "memory_mb": memory.together,
         "largest_mb": memory.largest,

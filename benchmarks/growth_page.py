@@ -23,13 +23,14 @@ with 0.1 m, neighbours share the landmarks along their common edge and see each 
 {slopes}
 
 - *memory* is the resident memory of all processes together, *largest* that of the largest one; pages that processes
-  share count in each. It does not follow the number of poses: what a worker holds is one robot's log, or what a group
+  share count in each. It hardly follows the number of poses: what a worker holds is one robot's log, or what a group
   shares with others. The root of the largest team has {root} unknowns.
 - *chi2 / dof* should be 1 within {spread:.4f} (one standard deviation at the largest team). *position RMSE* is over all
   poses, after one rigid fit of the whole map to the truth.
 - *killed*: one worker killed (SIGKILL) when half of the submaps were built.
   {same}
-- *load* is the load average of the machine at the end of the run: other work ran beside, on the same processors.
+- *processor time* is that of all processes. *load* is the load average of the machine at the end of the run: other
+  work ran beside, on the same processors, so that time varies with it and processor time tells the growth better.
 
 {machine}.
 Command:
@@ -71,24 +72,26 @@ def same(rows: list[Row]) -> str:
     return "chi2 and RMSE of these runs differ from those without."
 
 
-def slope(rows: list[Row]) -> float:
-    """Of the straight line through log time against log poses."""
-    return float(np.polyfit(np.log([r["poses"] for r in rows]), np.log([r["seconds"] for r in rows]), 1)[0])
+def slope(rows: list[Row], what: str) -> float:
+    """Of the straight line through the logarithms of a time and of the poses."""
+    return float(np.polyfit(np.log([r["poses"] for r in rows]), np.log([r[what] for r in rows]), 1)[0])
 
 
 def slope_line(name: str, rows: list[Row]) -> str:
     """The slopes of a series in words: over all of it, and where starting the workers no longer counts."""
     long = [r for r in rows if r["poses"] >= 30_000]
     return (
-        f"- {name}: time grows with the power {slope(rows):.2f} of the poses over all sizes\n"
-        f"  ({rows[0]['poses']:,} to {rows[-1]['poses']:,}), {slope(long):.2f} from {long[0]['poses']:,} on."
+        f"- {name}, {rows[0]['poses']:,} to {rows[-1]['poses']:,} poses: time grows with their power "
+        f"{slope(rows, 'seconds'):.2f},\n  processor time with {slope(rows, 'cpu_seconds'):.2f}; "
+        f"from {long[0]['poses']:,} on with {slope(long, 'seconds'):.2f} and {slope(long, 'cpu_seconds'):.2f}."
     )
 
 
 def table(rows: list[Row]) -> str:
     """All runs, as Markdown."""
-    head = "poses,robots,workers,killed,time [s],ms a pose,memory [MB],largest [MB],chi2 / dof,position RMSE [m],load"
-    lines = ["| " + " | ".join(head.split(",")) + " |", "|" + "---:|" * len(head.split(","))]
+    head = "poses,robots,workers,killed,time [s],processor time [s],memory [MB],largest [MB]".split(",")
+    head += ["chi2 / dof", "position RMSE [m]", "load"]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---:|" * len(head)]
     for r in rows:
         cells = [
             f"{r['poses']:,}",
@@ -96,7 +99,7 @@ def table(rows: list[Row]) -> str:
             f"{r['count']} {r['workers']}",
             f"{r['killed'] or ''}",
             f"{r['seconds']:.1f}",
-            f"{1e3 * r['seconds'] / r['poses']:.2f}",
+            f"{r['cpu_seconds']:.1f}" if "cpu_seconds" in r else "",
             f"{r['memory_mb']:.0f}",
             f"{r['largest_mb']:.0f}",
             f"{r['chi2'] / r['dof']:.4f}",
@@ -112,7 +115,9 @@ def figure(series: dict[str, list[Row]], rows: list[Row]) -> plt.Figure:
     out, (times, memories) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")
     for name, part in series.items():
         poses = [r["poses"] for r in part]
-        times.plot(poses, [r["seconds"] for r in part], SERIES[name], label=name)
+        (line,) = times.plot(poses, [r["seconds"] for r in part], SERIES[name], label=name)
+        cpu = [r["cpu_seconds"] for r in part]
+        times.plot(poses, cpu, ".:", color=line.get_color(), linewidth=1.0, label=f"{name}: processor time")
         memories.plot(poses, [r["memory_mb"] for r in part], SERIES[name], label=name)
     killed = [r for r in rows if r["killed"]]
     for kind, marker in (("processes", "x"), ("dask", "+")):
