@@ -21,6 +21,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+import teamslam
 from teamslam.joining import full
 from teamslam.sim.paper import NOISE_LEVELS, SCENARIOS, PaperOptions, simulate_paper
 from teamslam.solver import System, optimise
@@ -94,6 +95,7 @@ def main() -> None:
         "|---|---|---|---|---|---|---|---|---|",
     ]
     everything: list[Outcome] = []
+    missed: list[str] = []
     print("\n".join(lines), flush=True)
     with ProcessPoolExecutor(arguments.workers) as pool:
         for scenario in SCENARIOS:
@@ -101,18 +103,41 @@ def main() -> None:
                 outcomes = cell(scenario, poses, per_cell, pool)
                 everything += outcomes
                 lines.append(row(scenario, poses, outcomes))
+                missed += [
+                    f"- {scenario}, {poses} poses, seed {o.seed}: {o.ours:.3f}; from the truth {o.from_truth:.3f}"
+                    for o in outcomes
+                    if not o.reached
+                ]
                 print(lines[-1], flush=True)
-                for o in outcomes:
-                    if not o.reached:
-                        print(f"    seed {o.seed}: {o.ours:.6f}, from the truth {o.from_truth:.6f}", flush=True)
     reached = sum(o.reached for o in everything)
     summary = f"{reached} of {len(everything)} teams reached ({100.0 * reached / len(everything):.2f} %)."
-    print(summary)
+    print("\n".join([*missed, summary]))
     if arguments.out:
-        command = f"python benchmarks/starts.py --teams {arguments.teams} --workers {arguments.workers}"
-        page = ["# Starts", "", __doc__.split("\n\n", 2)[2].strip(), "", *lines, "", summary, ""]
-        page += [f"Command: `{command}`. Machine: {os.cpu_count()} cores, {platform.machine()}.", ""]
-        arguments.out.write_text("\n".join(page))
+        arguments.out.write_text(page(lines, missed, summary, per_cell, arguments.workers))
+
+
+def page(lines: Sequence[str], missed: Sequence[str], summary: str, per_cell: int, workers: int) -> str:
+    """The page of the documentation: what was done, the table, what was missed."""
+    assert __doc__ is not None
+    teams = per_cell * len(SCENARIOS) * len(POSES)
+    title, _, what = __doc__.strip().split("\n\n", 2)
+    return "\n".join(
+        [
+            f"# {title.removesuffix('.')}",
+            "",
+            f"Measured by `python benchmarks/starts.py --teams {teams} --workers {workers}` on a machine with "
+            f"{os.cpu_count()} cores; teamslam {teamslam.__version__}, NumPy {np.__version__}, "
+            f"Python {platform.python_version()}. Milliseconds are those of one team's `full`, other work beside it.",
+            "",
+            what,
+            "",
+            *lines,
+            "",
+            f"**{summary}**",
+            "",
+            *(["Costs where it was missed:", "", *missed, ""] if missed else []),
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -151,3 +151,29 @@ def _align_poses(source: Pose, target: Pose, points: Array | None = None, onto: 
     if points is not None and onto is not None:
         places = [np.concatenate([places[0], points]), np.concatenate([places[1], onto])]
     return align(*places, source_rotations=source.rotation, target_rotations=target.rotation)
+
+
+@given(generators, dims, AMOUNTS)
+def test_rotations_weighed_one_by_one(rng: np.random.Generator, dim: int, n: int) -> None:
+    """No small motion lowers sum w |p - X q|^2 + sum v |P - R Q|^2."""
+    x = random_poses(rng, dim)
+    source, weights, each = rng.normal(scale=3.0, size=(n, dim)), rng.uniform(0.1, 2.0, n), rng.uniform(0.1, 9.0, 3)
+    target = x.act(source) + 0.3 * rng.normal(size=(n, dim))
+    source_poses = random_poses(rng, dim, 3)
+    target_poses = (x @ source_poses).retract(0.2 * rng.normal(size=(3, x.dof)))
+
+    def cost(pose: Pose) -> float:
+        turns = np.sum((target_poses.rotation - pose.rotation @ source_poses.rotation) ** 2, (-2, -1))
+        return float(weights @ np.sum((target - pose.act(source)) ** 2, -1) + each @ turns)
+
+    best = align(
+        source,
+        target,
+        weights,
+        source_rotations=source_poses.rotation,
+        target_rotations=target_poses.rotation,
+        rotation_weights=each,
+    ).pose
+    for step in (1e-3, 1e-1, 1.0):
+        for d in np.concatenate([np.eye(x.dof), -np.eye(x.dof)]):
+            assert cost(best) <= cost(best.retract(step * d)) + 1e-9

@@ -108,7 +108,7 @@ def test_robust_sightings_of_robots_place_them_too(world: str) -> None:
 def test_points_that_hold_no_frame_do_not_outvote_a_pose() -> None:
     """Two landmarks a hand apart agree with each other, but not on where the robot is that was seen."""
     points = np.array([[2.0, 0.0], [2.1, 0.0], [0.0, 1.0]])
-    here = sketch([1, 2, 3], points + [[3.0, 0.0], [3.0, 0.0], [0.0, 0.0]])
+    here = sketch([1, 2, 3], points + np.array([[3.0, 0.0], [3.0, 0.0], [0.0, 0.0]]))
     there = sketch([1, 2, 3], points)
     seen = np.array([False, False, True])
     found = link(replace(here, oriented=seen), replace(there, oriented=seen), True)
