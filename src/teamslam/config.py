@@ -59,8 +59,8 @@ class JoinOptions:
 
     order: str = "at once"
     exact: bool = False
-    gap: float = 1e-15
-    max_rounds: int = 100
+    gap: float = 1e-14
+    max_rounds: int = 300
 
     def __post_init__(self) -> None:
         if self.order not in ORDERS:

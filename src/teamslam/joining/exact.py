@@ -40,6 +40,7 @@ from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm,
 from teamslam.solver.optimise import DEFAULTS
 
 _NEAR = 3.0  # [sigmas]: from here on steps use the curvature of robust losses
+_CLOSE = 0.01  # [sigmas]: from here on a step's length is judged by the decrement
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +117,8 @@ def _dense(complement: Array) -> sp.csr_array:
 def exact_join(
     pieces: Sequence[Dataset],
     *,
-    gap: float = 1e-15,
-    max_rounds: int = 100,
+    gap: float = 1e-14,
+    max_rounds: int = 300,
     options: Options = DEFAULTS,
     progress: Callable[[Step], None] | None = None,
 ) -> Joined:
@@ -192,7 +193,7 @@ class _Team:
         for part, values in zip(self.parts, self._local(self.values), strict=True):
             part.reduce()
             part.values = part.follow(values)
-        near, curved = _NEAR, False
+        near, curved, reach, last = _NEAR, False, 1.0, np.inf
         for _ in range(max_rounds):
             try:
                 cost, step, decrease, numbers = self._round(curved)
@@ -204,7 +205,15 @@ class _Team:
             sent += 8 * numbers
             decrement = float(np.sqrt(max(decrease, 0.0)))
             curved = curved or decrement < near
-            share, taken = 1.0, None
+            # Close to the optimum F changes too little to show that a full step overshoots; the decrement still does.
+            if decrement > _CLOSE:
+                reach = 1.0
+            elif decrement > last:
+                reach = max(0.5 * reach, 1.0 / 16.0)
+            elif decrement < 0.25 * last:
+                reach = min(2.0 * reach, 1.0)
+            last = decrement
+            share, taken = reach, None
             while share > 1e-4:
                 candidate = self._retract(share * step)
                 moved = [part.follow(values) for part, values in zip(self.parts, self._local(candidate), strict=True)]
