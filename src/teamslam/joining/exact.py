@@ -117,7 +117,7 @@ def _dense(complement: Array) -> sp.csr_array:
 def exact_join(
     pieces: Sequence[Dataset],
     *,
-    gap: float = 1e-14,
+    gap: float = 1e-15,
     max_rounds: int = 300,
     options: Options = DEFAULTS,
     progress: Callable[[Step], None] | None = None,
