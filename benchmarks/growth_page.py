@@ -89,7 +89,7 @@ def slope_line(name: str, rows: list[Row]) -> str:
 
 def table(rows: list[Row]) -> str:
     """All runs, as Markdown."""
-    head = "poses,robots,workers,killed,time [s],processor time [s],memory [MB],largest [MB]".split(",")
+    head = ["poses", "robots", "workers", "killed", "time [s]", "processor time [s]", "memory [MB]", "largest [MB]"]
     head += ["chi2 / dof", "position RMSE [m]", "load"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---:|" * len(head)]
     for r in rows:
