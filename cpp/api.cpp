@@ -10,8 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "checks.hpp"
 #include "cholesky.hpp"
 #include "problem.hpp"
+#include "sparse_rows.hpp"
 
 struct teamslam_problem {
   teamslam::Problem problem;
@@ -91,6 +93,37 @@ int64_t teamslam_add_submap(teamslam_problem* problem, int64_t base, int64_t mem
                             const double* values, const double* eta) {
   return guarded<int64_t>(-1, [&] {
     return problem->problem.add_submap({base, members, member, kind, state, column_start, row, values, eta});
+  });
+}
+
+int64_t teamslam_add_submaps(teamslam_problem* problem, int64_t count, const int64_t* base, const int64_t* members,
+                             const int64_t* member, const int32_t* kind, const double* state, const int64_t* start,
+                             const int32_t* column, const double* values, const double* eta, int64_t* sizes) {
+  return guarded<int64_t>(-1, [&] {
+    int64_t first = -1;
+    std::vector<double> blocks;
+    for (int64_t k = 0; k < count; ++k) {
+      std::vector<int32_t> dofs;
+      int64_t numbers = 0, unknowns = 0;
+      for (int64_t i = 0; i < members[k]; ++i) {
+        if (kind[i] < 0 || kind[i] >= teamslam::kinds) teamslam::refuse("submap: member ", i, " has kind ", kind[i]);
+        const auto which = static_cast<teamslam::Kind>(kind[i]);
+        dofs.push_back(teamslam::dof(which));
+        unknowns += dofs.back();
+        numbers += teamslam::numbers(which);
+      }
+      const BlockPattern pattern = teamslam::blocks_of({start, column, values}, dofs, blocks);
+      const int64_t handle = problem->problem.add_submap({base[k], members[k], member, kind, state,
+                                                          pattern.column_start.data(), pattern.row.data(),
+                                                          blocks.data(), eta});
+      if (k == 0) first = handle;
+      sizes[k] = pattern.size();
+      const int64_t entries = start[unknowns];
+      member += members[k], kind += members[k], state += numbers;
+      start += unknowns + 1, column += entries, values += entries;
+      if (eta != nullptr) eta += unknowns;
+    }
+    return first;
   });
 }
 

@@ -35,6 +35,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "problem_free": (None, [P]),
     "add_table": (L, [P, I, I, L, A, A, A, I, A, I, D]),
     "add_submap": (L, [P, L, L, A, A, A, A, A, A, A]),
+    "add_submaps": (L, [P, L, A, A, A, A, A, A, A, A, A, A]),
     "add_blocks": (L, [P, L, L, A, L]),
     "set_weights": (I, [P, L, A]),
     "set_curved": (I, [P, L, I]),

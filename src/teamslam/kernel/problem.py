@@ -158,6 +158,66 @@ class Problem:
         self._submaps[handle] = sizes
         return handle
 
+    def add_submaps(
+        self,
+        bases: ArrayLike,
+        counts: ArrayLike,
+        members: ArrayLike,
+        kinds: ArrayLike,
+        state: ArrayLike,
+        row_start: ArrayLike,
+        columns: ArrayLike,
+        values: ArrayLike,
+        eta: ArrayLike | None = None,
+    ) -> list[int]:
+        """Many submaps at once, as `add_submap`, their arrays one after another; returns their handles.
+
+        Submap k has base bases[k] and counts[k] members. Each information is sparse by rows of scalars, both triangles:
+        `row_start` is each submap's own, from 0 and one longer than its unknowns, then `columns` and `values`.
+        """
+        frames = integers("submap bases", bases, (None,))
+        number = integers("submap counts", counts, (len(frames),))
+        if len(frames) == 0:
+            return []
+        if number.min() < 1:
+            raise ModelError(f"submap {int(number.argmin())}: it has no members")
+        names = integers("submap members", members, (int(number.sum()),))
+        own_kinds = integers("submap kinds", kinds, (len(names),))
+        if own_kinds.min() < 0 or own_kinds.max() > 3:
+            raise ModelError("submap kinds: expected 0 pose2, 1 pose3, 2 point2 or 3 point3")
+        firsts = np.cumsum(number) - number
+        unknowns = np.add.reduceat(DOFS[own_kinds], firsts)
+        numbers = np.add.reduceat(NUMBERS[own_kinds], firsts)
+        start = integers("submap row starts", row_start, (int(unknowns.sum()) + len(frames),))
+        entries = int(start[np.cumsum(unknowns + 1) - 1].sum())
+        place = integers("submap columns", columns, (entries,))
+        estimate, information, slope = _submap_arrays(
+            (int(numbers.sum()), entries, int(unknowns.sum())), state, values, eta
+        )
+        if entries and (place.min() < 0 or place.max() >= unknowns.max()):
+            raise ModelError(f"submap columns: found {place.min()} to {place.max()}, expected 0 to its unknowns")
+        sizes = np.empty(len(frames), np.int64)
+        first = checked(
+            library.add_submaps(
+                self._pointer,
+                len(frames),
+                frames,
+                number,
+                names,
+                own_kinds.astype(np.int32),
+                estimate,
+                start,
+                place.astype(np.int32),
+                information,
+                slope,
+                sizes,
+            )
+        )
+        handles = list(range(first, first + len(frames)))
+        each = zip(numbers.tolist(), sizes.tolist(), unknowns.tolist(), strict=True)
+        self._submaps.update(zip(handles, each, strict=True))
+        return handles
+
     def set_submap(self, handle: int, state: ArrayLike, values: ArrayLike, eta: ArrayLike | None = None) -> None:
         """New numbers in place of a submap's, on the same structure."""
         sizes = self._known(self._submaps, handle, "submap")

@@ -148,9 +148,13 @@ class Layout:
         at = self.index(keys).ravel()
         return rows_of(self.dof_start[at], self.dofs[at])
 
+    @cached_property
+    def _bounds(self) -> list[int]:
+        return [int(place) for place in np.searchsorted(self.kinds, np.arange(len(Kind) + 1))]
+
     def stretch(self, kind: Kind) -> slice:
         """The places of all variables of one kind."""
-        return slice(int(np.searchsorted(self.kinds, kind)), int(np.searchsorted(self.kinds, kind, "right")))
+        return slice(self._bounds[kind], self._bounds[kind + 1])
 
     def keys_of(self, kind: Kind) -> IntArray:
         """The keys of one kind, rising."""

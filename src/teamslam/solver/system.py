@@ -82,7 +82,7 @@ class System:
             for handle, table in zip(self._handles, self.tables, strict=True)
             if table.row.native and table.loss.name != "squared"
         ]
-        self._submap_handles = [self._add_submap(term) for term in self.submaps]
+        self._submap_handles = self._add_submaps(self.submaps)
 
     # --- what the optimiser asks --------------------------------------------------------------------------------
 
@@ -184,15 +184,27 @@ class System:
             )
         )
 
-    def _add_submap(self, term: SubmapTerm) -> int:
-        local = term.values.layout
-        base = int(self.layout.index(term.base)) if self.layout.contains(term.base) else -1
-        pattern, information = block_matrix(local, term.information)
-        members = self.layout.index(local.keys).astype(np.int32)
-        return int(
-            self._problem.add_submap(
-                base, members, local.kinds.astype(np.int8), term.values.state, pattern, information, term.slope
-            )
+    def _add_submaps(self, terms: Sequence[SubmapTerm]) -> list[int]:
+        if not terms:
+            return []
+        bases = np.array([term.base for term in terms], np.int64)
+        known = self.layout.contains(bases)
+        frames = np.full(len(terms), -1)
+        frames[known] = self.layout.index(bases[known])
+        layouts = [term.values.layout for term in terms]
+        matrices = [term.information for term in terms]
+        sloped = any(term.slope is not None for term in terms)
+        slopes = [np.zeros(t.values.layout.dof) if t.slope is None else t.slope for t in terms] if sloped else None
+        return self._problem.add_submaps(
+            frames,
+            [len(layout) for layout in layouts],
+            self.layout.index(np.concatenate([layout.keys for layout in layouts])),
+            np.concatenate([layout.kinds for layout in layouts]),
+            np.concatenate([term.values.state for term in terms]),
+            np.concatenate([matrix.indptr for matrix in matrices]),
+            np.concatenate([matrix.indices for matrix in matrices]),
+            np.concatenate([matrix.data for matrix in matrices]),
+            None if slopes is None else np.concatenate(slopes),
         )
 
     def _numeric_blocks(self, values: Values) -> dict[int, tuple[Array, Array, float]]:
