@@ -130,6 +130,6 @@ def figure(series: dict[str, list[Row]], rows: list[Row]) -> plt.Figure:
     for axes, label in ((times, "time [s]"), (memories, "memory of all processes [MB]")):
         axes.set(xscale="log", yscale="log", xlabel="poses", ylabel=label)
         axes.grid(True, which="both", alpha=0.25)
-    memories.set_ylim(50, 5_000)
-    times.legend(fontsize="small")
+    memories.set_ylim(50, 20_000)
+    memories.legend(*times.get_legend_handles_labels(), fontsize="small", loc="upper left")
     return out
