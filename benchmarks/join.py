@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+
+import teamslam as ts
 from datasets import VICTORIA_PARK, folder_of
 from memory import forget_peak, peak_mb
 from problems import exp
 from run import machine
-
-import teamslam as ts
 from teamslam.geometry import Pose
 from teamslam.model import Kind, Names, Sources, Stretch, Submap, Values, landmark_key, pose_key
 

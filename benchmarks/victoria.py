@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from datasets import VICTORIA_PARK, folder_of
-from run import machine
 
 import teamslam as ts
+from datasets import VICTORIA_PARK, folder_of
+from run import machine
 from teamslam.joining.start import piece_start
 from teamslam.model import Dataset, Values
 from teamslam.solver import Options, System, optimise

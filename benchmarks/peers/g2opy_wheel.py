@@ -1,4 +1,7 @@
-"""g2o from PyPI (g2opy): Gauss-Newton with Eigen's Cholesky and AMD, which is what the wheel offers. It cannot return marginals."""
+"""g2o from PyPI (g2opy): Gauss-Newton with Eigen's Cholesky and AMD, which is what the wheel offers.
+
+It cannot return marginals.
+"""
 
 from dataclasses import dataclass
 from importlib.metadata import version as of
@@ -6,6 +9,7 @@ from typing import Any
 
 import g2opy
 import numpy as np
+
 from problems import SIGMA_P, SIGMA_R, SIGMA_T, Estimate, Problem
 
 

@@ -1,11 +1,15 @@
-"""GTSAM from PyPI. Its wheel has no factor for the position of a point seen from a pose, so sightings enter as bearing and
-range with the same noise to first order: a slightly different cost, whose optimum is judged under the neutral one."""
+"""GTSAM from PyPI.
+
+Its wheel has no factor for the position of a point seen from a pose, so sightings enter as bearing and range with the
+same noise to first order: a slightly different cost, whose optimum is judged under the neutral one.
+"""
 
 from dataclasses import dataclass
 from typing import Any
 
 import gtsam
 import numpy as np
+
 from problems import SIGMA_P, SIGMA_R, SIGMA_T, Estimate, Problem
 
 

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from problems import SIGMA_P, SIGMA_R, SIGMA_T, Estimate, Problem
 
 import teamslam
+from problems import SIGMA_P, SIGMA_R, SIGMA_T, Estimate, Problem
 from teamslam import kernel
 from teamslam.geometry import Pose
 from teamslam.model import Kind, Table, Values, landmark_key, pose_key
