@@ -72,6 +72,13 @@ void teamslam_model_shape(int32_t model, int32_t dimension, int32_t shape[3]) {
   shape[2] = teamslam::residual_rows(which, dimension);
 }
 
+int32_t teamslam_sparse_rows(int64_t variables, const int32_t* dof, const int64_t* column_start, const int32_t* row,
+                             const double* values, int64_t* start, int32_t* column, double* value) {
+  return guarded<int32_t>(-1, [&] {
+    return teamslam::rows_of(pattern_of(variables, dof, column_start, row), values, start, column, value), 0;
+  });
+}
+
 teamslam_problem* teamslam_problem_new(int64_t variables, const int32_t* kinds, const uint8_t* fixed) {
   return guarded<teamslam_problem*>(
       nullptr, [&] { return new teamslam_problem{teamslam::Problem(variables, kinds, fixed)}; });

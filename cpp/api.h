@@ -27,6 +27,11 @@ TEAMSLAM_API void teamslam_set_threads(int32_t threads);
 /* shape: keys, numbers of a measurement, rows of a residual. */
 TEAMSLAM_API void teamslam_model_shape(int32_t model, int32_t dimension, int32_t shape[3]);
 
+/* A block matrix by rows of scalars, both triangles (sparse_rows.hpp). */
+TEAMSLAM_API int32_t teamslam_sparse_rows(int64_t variables, const int32_t* dof, const int64_t* column_start,
+                                          const int32_t* row, const double* values, int64_t* start, int32_t* column,
+                                          double* value);
+
 /* --- problems ---------------------------------------------------------------------------------------------------- */
 
 TEAMSLAM_API teamslam_problem* teamslam_problem_new(int64_t variables, const int32_t* kinds, const uint8_t* fixed);

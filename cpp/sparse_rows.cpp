@@ -66,4 +66,32 @@ BlockPattern blocks_of(const SparseRows& rows, const std::vector<int32_t>& dof, 
   return pattern;
 }
 
+void rows_of(const BlockPattern& pattern, const double* values, int64_t* start, int32_t* column, double* value) {
+  const auto for_each_block = [&](const auto& visit) {
+    for (int32_t c = 0; c < pattern.variables(); ++c)
+      for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k)
+        visit(pattern.row[k], c, values + pattern.value_start[k]);
+  };
+  std::fill_n(start, pattern.scalars() + 1, 0);
+  for_each_block([&](int32_t r, int32_t c, const double*) {
+    for (int32_t i = 0; i < pattern.dof[r]; ++i) start[pattern.scalar_start[r] + i + 1] += pattern.dof[c];
+    for (int32_t j = 0; j < pattern.dof[c] && r != c; ++j) start[pattern.scalar_start[c] + j + 1] += pattern.dof[r];
+  });
+  for (int64_t i = 0; i < pattern.scalars(); ++i) start[i + 1] += start[i];
+  // A row gets its blocks left of the diagonal from the columns before it, then the others from its own column.
+  std::vector<int64_t> next(start, start + pattern.scalars());
+  const auto put = [&](int64_t row, int64_t where, double number) {
+    column[next[row]] = static_cast<int32_t>(where);
+    value[next[row]++] = number;
+  };
+  for_each_block([&](int32_t r, int32_t c, const double* block) {
+    const int64_t at_r = pattern.scalar_start[r], at_c = pattern.scalar_start[c];
+    const int32_t height = pattern.dof[r], width = pattern.dof[c];
+    for (int32_t j = 0; j < width; ++j)
+      for (int32_t i = 0; i < height; ++i) put(at_r + i, at_c + j, block[height * j + i]);
+    for (int32_t j = 0; j < width && r != c; ++j)
+      for (int32_t i = 0; i < height; ++i) put(at_c + j, at_r + i, block[height * j + i]);
+  });
+}
+
 }  // namespace teamslam

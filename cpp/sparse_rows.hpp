@@ -1,4 +1,4 @@
-// A symmetric sparse matrix by rows of scalars (both triangles stored, as SciPy does), turned into blocks.
+// A symmetric sparse matrix by rows of scalars (both triangles stored, as SciPy does), turned into blocks and back.
 #pragma once
 
 #include <cstdint>
@@ -17,5 +17,8 @@ struct SparseRows {
 // The pattern over variables of `dof` unknowns, every diagonal block included, and its values. Of the two triangles the
 // lower one counts. Throws std::invalid_argument where the rows do not fit the unknowns.
 BlockPattern blocks_of(const SparseRows& rows, const std::vector<int32_t>& dof, std::vector<double>& values);
+
+// Both triangles by rows, columns rising: start (scalars + 1), column and value (all blocks, those off the diagonal twice).
+void rows_of(const BlockPattern& pattern, const double* values, int64_t* start, int32_t* column, double* value);
 
 }  // namespace teamslam

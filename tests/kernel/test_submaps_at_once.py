@@ -86,3 +86,16 @@ def test_what_does_not_fit_is_refused() -> None:
     for name, wrong in bad:
         with pytest.raises(ModelError):
             Problem(KINDS).add_submaps(**good | {name: wrong})
+
+
+def test_blocks_become_sparse_rows() -> None:
+    rng = np.random.default_rng(2)
+    dofs = np.array([3, 2, 6, 2])
+    matrix = information(rng, dofs)
+    pattern, numbers = blocks(matrix, dofs)
+    data, columns, start = pattern.sparse_rows(numbers)
+    rows = sp.csr_array((data, columns, start), shape=matrix.shape)
+    np.testing.assert_array_equal(rows.toarray(), matrix)
+    assert rows.has_canonical_format
+    with pytest.raises(ModelError):
+        pattern.sparse_rows(numbers[1:])

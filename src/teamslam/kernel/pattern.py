@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from teamslam.errors import ModelError
-from teamslam.kernel.library import integers
+from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +60,20 @@ class BlockPattern:
         return cls(
             sizes.astype(np.int32), np.searchsorted(code, np.arange(n + 1) * n), (code % max(n, 1)).astype(np.int32)
         )
+
+    def sparse_rows(self, values: ArrayLike) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32] | Integers]:
+        """The matrix with `values` as (data, columns, row starts): by rows of scalars, both triangles, columns rising.
+
+        Row starts are int32 where they fit, as SciPy has them.
+        """
+        numbers = floats("values", values, (self.size,))
+        diagonal = int((self.dofs.astype(np.int64) ** 2).sum())
+        data = np.empty(2 * self.size - diagonal)
+        columns, start = np.empty(len(data), np.int32), np.empty(self.scalars + 1, np.int64)
+        checked(
+            library.sparse_rows(len(self.dofs), self.dofs, self.column_start, self.row, numbers, start, columns, data)
+        )
+        return data, columns, start.astype(np.int32) if len(data) < 1 << 31 else start
 
     @property
     def size(self) -> int:

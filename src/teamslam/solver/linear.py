@@ -25,12 +25,8 @@ class Matrix:
 
     def to_csr(self) -> sp.csr_array:
         """The whole matrix, both triangles."""
-        rows, columns = _scalar_places(self.pattern)
-        n = int(self.pattern.dofs.sum())
-        lower = sp.csr_array((self.numbers, (rows, columns)), shape=(n, n))
-        strictly = sp.csr_array(sp.tril(lower, -1))
-        out = sp.csr_array(sp.tril(lower)) + strictly.T
-        return sp.csr_array(out)
+        n = self.pattern.scalars
+        return sp.csr_array(self.pattern.sparse_rows(self.numbers), shape=(n, n))
 
     def diagonal(self) -> Array:
         """The scalar diagonal."""
@@ -38,22 +34,6 @@ class Matrix:
         dofs = np.asarray(self.pattern.dofs, np.int64)
         within = np.arange(self.pattern.scalars) - np.repeat(self.pattern.scalar_start[:-1], dofs)
         return np.asarray(self.numbers[np.repeat(first, dofs) + within * np.repeat(dofs + 1, dofs)])
-
-
-def _scalar_places(pattern: kernel.BlockPattern) -> tuple[IntArray, IntArray]:
-    """Row and column of every number of a pattern, in the order in which they are stored."""
-    dofs = np.asarray(pattern.dofs, np.int64)
-    start = np.concatenate([[0], np.cumsum(dofs)])
-    block_row = np.asarray(pattern.row, np.int64)
-    block_column = np.repeat(np.arange(len(dofs)), np.diff(pattern.column_start))
-    height, width = dofs[block_row], dofs[block_column]
-    size = height * width
-    first = np.repeat(np.cumsum(size) - size, size)
-    within = np.arange(int(size.sum())) - first
-    tall = np.repeat(height, size)
-    rows = np.repeat(start[block_row], size) + within % tall
-    columns = np.repeat(start[block_column], size) + within // tall
-    return rows, columns
 
 
 def block_matrix(layout: Layout, matrix: sp.csr_array) -> tuple[kernel.BlockPattern, Array]:
