@@ -21,6 +21,7 @@ from teamslam.joining.assemble import assemblies, freedom
 from teamslam.joining.link import Link, link
 from teamslam.joining.sketch import Sketch, known_keys, sketch_strand
 from teamslam.model import Kind, Names, Submap, Values, is_landmark, is_pose, pose_kind, robot_of, unpack
+from teamslam.model.values import KIND_SIZE
 
 BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
 TRUSS = 4  # clusters in a truss at most
@@ -261,18 +262,11 @@ def _why(submap: Submap, found: Link, sketch: Sketch, planar: bool) -> str:
 
 def strands_of(submaps: Sequence[Submap]) -> list[list[int]]:
     """Submaps chained by boundary poses, each strand in an order in which every base but the first is known before."""
-    home: dict[int, int] = {}
-    for number, submap in enumerate(submaps):
-        keys = submap.values.layout.keys
-        own = keys[robot_of(keys) == robot_of(submap.base)]
-        for key in own.tolist():
-            home.setdefault(key, number)
-    parent = [home.get(submap.base, -1) for submap in submaps]
+    parent, _ = _holders(submaps)
     strands: dict[int, list[int]] = {}
     root_of: dict[int, int] = {}
     for number in sorted(range(len(submaps)), key=lambda n: submaps[n].base):
-        above = parent[number]
-        root = root_of.get(above, number)
+        root = root_of.get(int(parent[number]), number)
         root_of[number] = root
         strands.setdefault(root, []).append(number)
     return list(strands.values())
@@ -280,19 +274,40 @@ def strands_of(submaps: Sequence[Submap]) -> list[list[int]]:
 
 def _strand(submaps: Sequence[Submap], members: list[int]) -> tuple[list[int], list[Pose]]:
     """The frames of a strand, in the frame of its first submap."""
-    where: dict[int, tuple[int, int]] = {}
-    frames: list[Pose] = []
-    for place_, number in enumerate(members):
-        submap = submaps[number]
-        if place_ == 0:
-            frames.append(Pose.identity(submap.base_dim))
-        else:
-            holder, _ = where[submap.base]
-            frames.append(frames[holder] @ submaps[members[holder]].values.pose(submap.base))
-        layout = submap.values.layout
-        for key in layout.keys[robot_of(layout.keys) == robot_of(submap.base)].tolist():
-            where.setdefault(key, (place_, key))
-    return members, frames
+    chain = [submaps[number] for number in members]
+    kind = pose_kind(chain[0].base_dim)
+    parent, starts = _holders(chain)
+    state = np.concatenate([submap.values.state for submap in chain])
+    steps = unpack(state[starts[1:, None] + np.arange(kind.size)], kind)
+    assert isinstance(steps, Pose)
+    poses = concatenate([Pose.identity(kind.dim, (1,)), steps])
+    rotation, translation = poses.rotation, poses.translation
+    parent[0] = -1
+    while (parent >= 0).any():  # each round doubles how far up a frame is composed
+        below = np.flatnonzero(parent >= 0)
+        above = parent[below]
+        composed = Pose(rotation[above], translation[above]) @ Pose(rotation[below], translation[below])
+        rotation[below], translation[below] = composed.rotation, composed.translation
+        parent[below] = parent[above]
+    return members, list(map(Pose, rotation, translation))
+
+
+def _holders(submaps: Sequence[Submap]) -> tuple[IntArray, IntArray]:
+    """For each submap the first one that holds its base among its own robot's poses, or -1; and where that pose begins
+    in the states of all submaps, one after another."""
+    bases = np.array([submap.base for submap in submaps])
+    keys = np.concatenate([submap.values.layout.keys for submap in submaps])
+    sizes = KIND_SIZE[np.concatenate([submap.values.layout.kinds for submap in submaps])]
+    starts = np.cumsum(sizes) - sizes
+    holder = np.repeat(np.arange(len(submaps)), [len(submap.values) for submap in submaps])
+    own = np.flatnonzero(robot_of(keys) == robot_of(bases)[holder])
+    known, first = np.unique(keys[own], return_index=True)
+    if not len(known):
+        return np.full(len(bases), -1), np.full(len(bases), -1)
+    at = np.minimum(np.searchsorted(known, bases), len(known) - 1)
+    there = own[first[at]]
+    held = known[at] == bases
+    return np.where(held, holder[there], -1), np.where(held, starts[there], -1)
 
 
 # --- start values -------------------------------------------------------------------------------------------------
