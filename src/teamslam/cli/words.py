@@ -20,6 +20,7 @@ def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
     if report["dropped"]:
         rows.insert(3, ("dropped", f"{report['dropped']} rows; `teamslam info` says why"))
+    rows[1:1] = [("ambiguous", sentence) for sentence in report.get("ambiguities", [])]
     if report["components"] > 1:
         rows.insert(1, ("components", f"{report['components']}: the team could not be joined into one map"))
         rows[2:2] = [("", reason) for reason in report["reasons"]]

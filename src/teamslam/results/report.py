@@ -3,10 +3,12 @@
 Its fields:
 
     method, converged, status      how it ended; `status` is a sentence
-    cost, chi2, dof                sum of losses; sum of squared whitened residuals (no factor 1/2); rows - unknowns
+    cost, chi2, dof                sum of losses; sum of squared whitened residuals (no factor 1/2, outliers in full);
+                                   rows - unknowns
     objective                      of the last solve: of a join, what eq. (11) adds to the cost of the submaps
     iterations, seconds            of the last solve; of the whole run
     components, reasons            maps that could not be joined to each other, and why
+    ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team
     robots, poses, landmarks, dropped                         what went in
     exactness                      of an exact join: how far from the full least squares, in how many rounds and bytes
@@ -41,6 +43,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "seconds": sum(result.seconds.values()),
         "components": len(joined.components),
         "reasons": list(joined.reasons),
+        "ambiguities": [sentence for c in joined.components for sentence in c.ambiguities],
         "robot_position_rmse_m": score.robot_position_rmse_m if score else None,
         "landmark_rmse_m": score.landmark_rmse_m if score else None,
         "nees_per_dof": score.nees_per_dof if score else None,
