@@ -17,7 +17,7 @@ from teamslam.solver.linear import Factor, Matrix
 class Covariances:
     """The covariances of a map. Factorises once, on first use. Raises SolveError where a variable is not determined.
 
-    The base pose of a map is its frame: it has no uncertainty, and asking for it gives zeros.
+    The base pose of a map is its frame: it is no variable, and asking for it raises ModelError.
     """
 
     def __init__(self, layout: Layout, information: Matrix | sp.csr_array, names: Names | None = None) -> None:
