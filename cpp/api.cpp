@@ -19,6 +19,10 @@ struct teamslam_problem {
   teamslam::Problem problem;
 };
 
+struct teamslam_analysis {
+  teamslam::Analysis analysis;
+};
+
 struct teamslam_factor {
   teamslam::Cholesky cholesky;
 };
@@ -201,14 +205,21 @@ int32_t teamslam_retract(teamslam_problem* problem, const double* state, const d
   return guarded<int32_t>(-1, [&] { return problem->problem.retract(state, delta, out), 0; });
 }
 
-teamslam_factor* teamslam_factor_new(int64_t variables, const int32_t* dof, const int64_t* column_start,
-                                     const int32_t* row, int32_t ordering, const double* positions,
-                                     const int32_t* last, int32_t last_count) {
-  return guarded<teamslam_factor*>(nullptr, [&] {
-    return new teamslam_factor{teamslam::Cholesky(pattern_of(variables, dof, column_start, row),
-                                                  static_cast<teamslam::Ordering>(ordering), positions, last,
-                                                  last_count, threads)};
+teamslam_analysis* teamslam_analysis_new(int64_t variables, const int32_t* dof, const int64_t* column_start,
+                                         const int32_t* row, int32_t ordering, const double* positions,
+                                         const int32_t* last, int32_t last_count) {
+  return guarded<teamslam_analysis*>(nullptr, [&] {
+    return new teamslam_analysis{teamslam::analysed(pattern_of(variables, dof, column_start, row),
+                                                    static_cast<teamslam::Ordering>(ordering), positions, last,
+                                                    last_count, threads)};
   });
+}
+
+void teamslam_analysis_free(teamslam_analysis* analysis) { delete analysis; }
+
+teamslam_factor* teamslam_factor_new(const teamslam_analysis* analysis) {
+  return guarded<teamslam_factor*>(
+      nullptr, [&] { return new teamslam_factor{teamslam::Cholesky(analysis->analysis, threads)}; });
 }
 
 void teamslam_factor_free(teamslam_factor* factor) { delete factor; }
@@ -231,8 +242,9 @@ int32_t teamslam_inverse_on_pattern(const teamslam_factor* factor, double* value
   return guarded<int32_t>(-1, [&] { return factor->cholesky.inverse_on_pattern(values), 0; });
 }
 
-int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, double* blocks) {
-  return guarded<int32_t>(-1, [&] { return factor->cholesky.diagonal_inverse(blocks), 0; });
+int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, const int32_t* variables, int64_t count,
+                                  double* blocks) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.diagonal_inverse(variables, count, blocks), 0; });
 }
 
 int32_t teamslam_eliminate(teamslam_factor* factor, const double* values, const double* damping, double* complement,

@@ -19,6 +19,7 @@ extern "C" {
 #endif
 
 typedef struct teamslam_problem teamslam_problem;
+typedef struct teamslam_analysis teamslam_analysis;
 typedef struct teamslam_factor teamslam_factor;
 
 TEAMSLAM_API const char* teamslam_error(void);
@@ -75,9 +76,14 @@ TEAMSLAM_API int32_t teamslam_retract(teamslam_problem* problem, const double* s
 /* --- Cholesky factors -------------------------------------------------------------------------------------------- */
 
 /* ordering: 0 automatic, 1 minimum degree, 2 nested dissection, 3 geometric, 4 natural. positions, last may be null. */
-TEAMSLAM_API teamslam_factor* teamslam_factor_new(int64_t variables, const int32_t* dof, const int64_t* column_start,
-                                                  const int32_t* row, int32_t ordering, const double* positions,
-                                                  const int32_t* last, int32_t last_count);
+TEAMSLAM_API teamslam_analysis* teamslam_analysis_new(int64_t variables, const int32_t* dof,
+                                                      const int64_t* column_start, const int32_t* row,
+                                                      int32_t ordering, const double* positions, const int32_t* last,
+                                                      int32_t last_count);
+TEAMSLAM_API void teamslam_analysis_free(teamslam_analysis* analysis);
+
+/* A factor keeps what it needs of its analysis, which may be freed before it. */
+TEAMSLAM_API teamslam_factor* teamslam_factor_new(const teamslam_analysis* analysis);
 TEAMSLAM_API void teamslam_factor_free(teamslam_factor* factor);
 
 /* pivot: -1, or the variable at which a pivot was not positive. */
@@ -87,7 +93,8 @@ TEAMSLAM_API int32_t teamslam_solve(const teamslam_factor* factor, double* rhs, 
 TEAMSLAM_API int32_t teamslam_solve_lower(const teamslam_factor* factor, double* rhs, int64_t columns);
 TEAMSLAM_API double teamslam_log_determinant(const teamslam_factor* factor);
 TEAMSLAM_API int32_t teamslam_inverse_on_pattern(const teamslam_factor* factor, double* values);
-TEAMSLAM_API int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, double* blocks);
+TEAMSLAM_API int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, const int32_t* variables, int64_t count,
+                                               double* blocks);
 TEAMSLAM_API int32_t teamslam_eliminate(teamslam_factor* factor, const double* values, const double* damping,
                                         double* complement, const double* rhs, double* reduced_rhs, int32_t* pivot);
 TEAMSLAM_API int32_t teamslam_back_substitute(const teamslam_factor* factor, const double* last_solution,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "cholesky_numeric.hpp"
 
@@ -40,38 +41,44 @@ double predicted_time(const Elimination& elimination) {
 }
 
 // Minimum degree is cheap and best for small problems; dissection is tried where half the arithmetic of a few
-// factorisations would pay for it, and kept if it predicts less time.
+// factorisations would pay for it, and kept if it predicts less time. Large problems are dissected at once: where
+// minimum degree would do better still, as on one long road, there is little to gain.
 Choice chosen(const Graph& graph, Ordering asked, const std::vector<uint8_t>& frozen, const double* positions,
               const int32_t* last, int32_t last_count, int threads) {
   const auto with = [&](Ordering method) {
     return Choice{ordered(graph, method, frozen, positions, last, last_count, threads), method};
   };
   if (asked != Ordering::automatic) return with(asked);
+  constexpr int32_t large = 5000;
   constexpr double factorisations = 5;
-  const double dissection_time = (positions != nullptr ? 3e-6 : 6e-6) * graph.size();
+  const Ordering dissecting = positions != nullptr ? Ordering::geometric : Ordering::nested_dissection;
+  if (graph.size() - last_count >= large) return with(dissecting);
+  const double dissection_time = (positions != nullptr ? 1.5e-6 : 3e-6) * graph.size();
   Choice degree = with(Ordering::minimum_degree);
   if (factorisations * degree.elimination.flops / flops_per_second / 2 < dissection_time) return degree;
-  Choice dissection = with(positions != nullptr ? Ordering::geometric : Ordering::nested_dissection);
+  Choice dissection = with(dissecting);
   const bool gains = predicted_time(dissection.elimination) < predicted_time(degree.elimination);
   return gains ? dissection : degree;
 }
 
 }  // namespace
 
-Cholesky::Cholesky(const BlockPattern& pattern, Ordering ordering, const double* positions, const int32_t* last,
-                   int32_t last_count, int threads)
-    : numeric_(std::make_unique<Numeric>()), threads_(std::max(threads, 1)) {
+Analysis analysed(const BlockPattern& pattern, Ordering ordering, const double* positions, const int32_t* last,
+                  int32_t last_count, int threads) {
   const Graph graph = graph_of(pattern);
   std::vector<uint8_t> frozen;
   if (last_count > 0) {
     frozen.assign(static_cast<size_t>(pattern.variables()), 0);
     for (int32_t k = 0; k < last_count; ++k) frozen[last[k]] = never_eliminated;
   }
-  const Choice choice = chosen(graph, ordering, frozen, positions, last, last_count, threads_);
-  auto symbolic = std::make_unique<Symbolic>(analyse(pattern, graph, choice.elimination, last_count));
+  const Choice choice = chosen(graph, ordering, frozen, positions, last, last_count, threads);
+  auto symbolic = std::make_shared<Symbolic>(analyse(pattern, graph, choice.elimination, last_count));
   symbolic->used = choice.used;
-  symbolic_ = std::move(symbolic);
+  return symbolic;
 }
+
+Cholesky::Cholesky(Analysis analysis, int threads)
+    : symbolic_(std::move(analysis)), numeric_(std::make_unique<Numeric>()), threads_(std::max(threads, 1)) {}
 
 Cholesky::~Cholesky() = default;
 Cholesky::Cholesky(Cholesky&&) noexcept = default;

@@ -20,13 +20,18 @@ namespace teamslam {
 
 struct Symbolic;
 
+// Of a pattern: order, fronts and every index. Any number of factors may share one.
+using Analysis = std::shared_ptr<const Symbolic>;
+
+// positions: variables x 3, row-major, or null: where each variable is, for geometric bisection (Ordering::geometric
+//   needs them; automatic may use them).
+// last: variables that must be eliminated last, in the order given (Schur complements); they form one dense front.
+Analysis analysed(const BlockPattern& pattern, Ordering ordering, const double* positions, const int32_t* last,
+                  int32_t last_count, int threads);
+
 class Cholesky {
  public:
-  // positions: variables x 3, row-major, or null: where each variable is, for geometric bisection (Ordering::geometric
-  //   needs them; automatic may use them).
-  // last: variables that must be eliminated last, in the order given (Schur complements); they form one dense front.
-  Cholesky(const BlockPattern& pattern, Ordering ordering, const double* positions, const int32_t* last,
-           int32_t last_count, int threads);
+  Cholesky(Analysis analysis, int threads);
   ~Cholesky();
   Cholesky(Cholesky&&) noexcept;
   Cholesky& operator=(Cholesky&&) noexcept;
@@ -45,8 +50,9 @@ class Cholesky {
 
   // Entries of A^-1 on the input pattern, in its layout (diagonal blocks whole).
   void inverse_on_pattern(double* values_out) const;
-  // Diagonal blocks of A^-1 only, one after another in the order of the variables, each dof x dof, column-major.
-  void diagonal_inverse(double* blocks_out) const;
+  // Diagonal blocks of A^-1 of some variables, one after another as they are named, each dof x dof, column-major. Only
+  // what these depend on is computed.
+  void diagonal_inverse(const int32_t* variables, int64_t count, double* blocks_out) const;
 
   // Eliminates all variables but `last`. With m scalars in `last` (in the order given): complement (m x m,
   // column-major, whole) = A_ll - A_li A_ii^-1 A_il, and reduced_rhs (m) = b_l - A_li A_ii^-1 b_i. rhs is in natural
@@ -68,7 +74,7 @@ class Cholesky {
  private:
   int32_t run(const double* values, const double* damping, bool keep_last);
 
-  std::unique_ptr<const Symbolic> symbolic_;
+  Analysis symbolic_;
   struct Numeric;
   std::unique_ptr<Numeric> numeric_;
   int threads_;

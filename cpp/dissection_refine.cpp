@@ -39,7 +39,7 @@ class Pass {
       enter(v);
       ++border;
     }
-    const size_t patience = std::min<size_t>(5 * border, 400);
+    const size_t patience = std::min<size_t>(5 * border, 3000);
     Separation best;
     std::copy(s_.weight, s_.weight + 3, best.weight);
     size_t best_length = 0;

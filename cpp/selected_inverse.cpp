@@ -2,9 +2,13 @@
 //
 // With L of a front split into its pivot block D and the rows below it B, and Y = B D^-1, the inverse obeys
 //   Z_below,pivots = -Z_below,below Y   and   Z_pivots = D^-T D^-1 - Y' Z_below,pivots,
-// where Z_below,below is a submatrix of the parent's front of the inverse, already known.
+// where Z_below,below is a submatrix of the parent's front of the inverse, already known. So a front needs its ancestors
+// and nothing else: fronts below which nothing is wanted are left out, and subtrees are shared out among the team.
 #include <algorithm>
+#include <atomic>
 #include <cstring>
+#include <mutex>
+#include <thread>
 
 #include "cholesky_numeric.hpp"
 
@@ -17,29 +21,121 @@ struct InverseFront {
   double* pivots = nullptr;  // leading padded(columns)
   double* rows = nullptr;    // leading padded(rows)
   double* below = nullptr;   // leading padded(rows), padded(rows) columns
-  int64_t children_left = 0;
+  std::atomic<int64_t> children_left = 0;
 };
 
+// Fronts and subtrees that may be done now, for the team to take from; each makes others ready.
+class Ready {
+ public:
+  void add(int32_t front) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    waiting_.push_back(front);
+    ++unfinished_;
+  }
+
+  // The next one, or -1 when all is done.
+  int32_t take() {
+    while (unfinished_ > 0 && !abandoned_) {
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        if (!waiting_.empty()) {
+          const int32_t front = waiting_.back();
+          waiting_.pop_back();
+          return front;
+        }
+      }
+      std::this_thread::yield();
+    }
+    return -1;
+  }
+
+  // After everything that it makes ready has been added.
+  void finish() { --unfinished_; }
+  // What a member that fails tells the others.
+  void abandon() { abandoned_ = true; }
+
+ private:
+  std::mutex mutex_;
+  std::vector<int32_t> waiting_;
+  std::atomic<int64_t> unfinished_{0};
+  std::atomic<bool> abandoned_{false};
+};
+
+// The inverse of wanted fronts: what all members of a team share.
 class Inversion {
  public:
-  Inversion(const Symbolic& s, const double* panel, const double* inverse)
-      : s_(s), panel_(panel), inverse_(inverse), dense_(dense_kernels()), front_(s.front.size()) {}
-
-  // Calls use(front, panel of the inverse) for every front: the panel is laid out as the factor's.
-  template <class Use>
-  void run(const Use& use) {
-    for (size_t f = s_.front.size(); f-- > 0;) {
-      invert(static_cast<int32_t>(f));
-      use(s_.front[f], front_[f].pivots);
-      release_parent(static_cast<int32_t>(f));
+  // wanted: by front; everything if empty.
+  Inversion(const Symbolic& s, const double* panel, const double* inverse, std::vector<uint8_t> wanted)
+      : s_(s), panel_(panel), inverse_(inverse), dense_(dense_kernels()), front_(s.front.size()),
+        needed_(std::move(wanted)), subtree_(s.front.size(), above) {
+    if (needed_.empty()) needed_.assign(s.front.size(), 1);
+    for (size_t f = 0; f < s.front.size(); ++f) {
+      const int32_t parent = s.front[f].parent;
+      if (!needed_[f] || parent < 0) continue;
+      needed_[parent] = 1;
+      ++front_[parent].children_left;
+    }
+    for (const auto* tasks : {&s.task, &s.late}) {
+      for (const Task& task : *tasks) subtree_[task.end - 1] = task.first;
     }
   }
 
+  // Calls use(front, panel of the inverse) for every needed front: the panel is laid out as the factor's.
+  template <class Use>
+  void run(int threads, const Use& use) {
+    Ready ready;
+    for (const auto* tasks : {&s_.task, &s_.late}) {
+      for (const Task& task : *tasks) start(ready, task.end - 1);
+    }
+    for (const Step& step : s_.top) start(ready, step.front);
+    run_team(s_.task.size() > 1 ? threads : 1, [&](Team&) {
+      Scratch scratch;
+      try {
+        for (int32_t f = ready.take(); f >= 0; f = ready.take()) {
+          invert_down_to(subtree_[f] == above ? f : subtree_[f], f, scratch, use);
+          if (subtree_[f] == above) add_children(ready, f);
+          ready.finish();
+        }
+      } catch (...) {
+        ready.abandon();
+        throw;
+      }
+    });
+  }
+
  private:
-  void release_parent(int32_t f) {
+  static constexpr int32_t above = -1;  // a front above all subtrees
+
+  struct Scratch {
+    std::vector<double> y, turned;
+  };
+
+  // What hangs on no parent is ready from the beginning. (A subtree may be a forest.)
+  void start(Ready& ready, int32_t f) const {
+    if (s_.front[f].parent < 0) ready.add(f);
+  }
+
+  void add_children(Ready& ready, int32_t f) const {
     const Front& front = s_.front[f];
-    if (front.child_start == front.child_end) front_[f].memory.reset();
-    if (front.parent >= 0 && --front_[front.parent].children_left == 0) front_[front.parent].memory.reset();
+    for (int64_t c = front.child_start; c < front.child_end; ++c) {
+      if (needed_[s_.child[c]]) ready.add(s_.child[c]);
+    }
+  }
+
+  template <class Use>
+  void invert_down_to(int32_t first, int32_t f, Scratch& scratch, const Use& use) {
+    for (int32_t g = f; g >= first; --g) {
+      if (!needed_[g]) continue;
+      invert(g, scratch);
+      use(s_.front[g], front_[g].pivots);
+      release(g);
+    }
+  }
+
+  void release(int32_t f) {
+    if (front_[f].children_left == 0) front_[f].memory.reset();
+    const int32_t parent = s_.front[f].parent;
+    if (parent >= 0 && --front_[parent].children_left == 0) front_[parent].memory.reset();
   }
 
   // Z_below,below from the parent's front.
@@ -93,11 +189,10 @@ class Inversion {
     }
   }
 
-  void invert(int32_t f) {
+  void invert(int32_t f, Scratch& scratch) {
     const Front& front = s_.front[f];
     InverseFront& z = front_[f];
     const int64_t k = front.columns, kp = front.leading_pivot(), m = front.rows, mp = front.leading_rows();
-    z.children_left = front.child_end - front.child_start;
     z.memory = Buffer(new double[static_cast<size_t>(front.panel_size() + front.update_size())]);
     z.pivots = z.memory.get();
     z.rows = z.pivots + front.below();
@@ -108,14 +203,15 @@ class Inversion {
     invert_pivots(k, d, kp, reciprocal, z.pivots);
     if (m == 0) return;
     gather(front, z.below);
-    y_.assign(d + front.below(), d + front.panel_size());
-    dense_.divide(mp, k, d, kp, reciprocal, y_.data(), mp);
-    dense_.subtract_product(mp, k, m, z.below, mp, y_.data(), 1, mp, z.rows, mp);
-    turned_.assign(static_cast<size_t>(kp * mp), 0.0);
+    auto& [y, turned] = scratch;
+    y.assign(d + front.below(), d + front.panel_size());
+    dense_.divide(mp, k, d, kp, reciprocal, y.data(), mp);
+    dense_.subtract_product(mp, k, m, z.below, mp, y.data(), 1, mp, z.rows, mp);
+    turned.assign(static_cast<size_t>(kp * mp), 0.0);
     for (int64_t j = 0; j < k; ++j) {
-      for (int64_t i = 0; i < m; ++i) turned_[j + i * kp] = y_[i + j * mp];
+      for (int64_t i = 0; i < m; ++i) turned[j + i * kp] = y[i + j * mp];
     }
-    dense_.subtract_product(kp, k, m, turned_.data(), kp, z.rows, 1, mp, z.pivots, kp);
+    dense_.subtract_product(kp, k, m, turned.data(), kp, z.rows, 1, mp, z.pivots, kp);
   }
 
   const Symbolic& s_;
@@ -123,7 +219,8 @@ class Inversion {
   const double* inverse_;
   const DenseKernels& dense_;
   std::vector<InverseFront> front_;
-  std::vector<double> y_, turned_;
+  std::vector<uint8_t> needed_;
+  std::vector<int32_t> subtree_;  // by its last front: the first
 };
 
 // One pattern block out of a panel of the inverse.
@@ -141,23 +238,38 @@ void copy_block(const Scatter& block, const double* panel, double* to) {
 
 void Cholesky::inverse_on_pattern(double* values_out) const {
   const Symbolic& s = *symbolic_;
-  Inversion(s, numeric_->panel.get(), numeric_->inverse.data()).run([&](const Front& front, const double* panel) {
+  Inversion inversion(s, numeric_->panel.get(), numeric_->inverse.data(), {});
+  inversion.run(threads_, [&](const Front& front, const double* panel) {
     for (int64_t e = front.scatter_start; e < front.scatter_end; ++e) {
       copy_block(s.scatter[e], panel, values_out + s.scatter[e].value);
     }
   });
 }
 
-void Cholesky::diagonal_inverse(double* blocks_out) const {
+void Cholesky::diagonal_inverse(const int32_t* variables, int64_t count, double* blocks_out) const {
   const Symbolic& s = *symbolic_;
-  std::vector<int64_t> start(s.dof.size() + 1, 0);
-  for (size_t v = 0; v < s.dof.size(); ++v) start[v + 1] = start[v] + int64_t{s.dof[v]} * s.dof[v];
-  Inversion(s, numeric_->panel.get(), numeric_->inverse.data()).run([&](const Front& front, const double* panel) {
+  std::vector<uint8_t> wanted(s.front.size(), 0);
+  std::vector<std::vector<int64_t>> places(s.dof.size());  // of a variable's block in the result
+  int64_t size = 0;
+  for (int64_t i = 0; i < count; ++i) {
+    places[variables[i]].push_back(size);
+    size += int64_t{s.dof[variables[i]]} * s.dof[variables[i]];
+  }
+  for (size_t f = 0; f < s.front.size(); ++f) {
+    const Front& front = s.front[f];
+    for (int32_t p = front.first_position; p < front.first_position + front.variables; ++p) {
+      if (!places[s.order[p]].empty()) wanted[f] = 1;
+    }
+  }
+  Inversion inversion(s, numeric_->panel.get(), numeric_->inverse.data(), std::move(wanted));
+  inversion.run(threads_, [&](const Front& front, const double* panel) {
     int64_t at = 0;
     for (int32_t p = front.first_position; p < front.first_position + front.variables; ++p) {
       const int32_t v = s.order[p], dof = s.dof[v];
       const auto target = static_cast<int32_t>(at * (front.leading_pivot() + 1));
-      copy_block({0, target, static_cast<int32_t>(front.leading_pivot()), dof, dof}, panel, blocks_out + start[v]);
+      for (int64_t place : places[v]) {
+        copy_block({0, target, static_cast<int32_t>(front.leading_pivot()), dof, dof}, panel, blocks_out + place);
+      }
       at += dof;
     }
   });

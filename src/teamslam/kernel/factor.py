@@ -35,11 +35,11 @@ class Statistics:
     ordering: str
 
 
-class Factor:
-    """The Cholesky factor of matrices of one pattern: analysed once, factorised as often as wanted.
+class Analysis:
+    """What factors of one pattern have in common: the order of elimination and all indices. Made once, shared freely.
 
     `ordering` is a name of ORDERINGS; positions (n, 3) help it at large sizes. `last` names variables that are
-    eliminated last, in that order, for `eliminate`. Nothing is regularised: NotPositiveDefinite names the variable.
+    eliminated last, in that order, for `Factor.eliminate`.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Factor:
         kept = np.zeros(0, np.int64) if last is None else integers("last", last, (None,))
         if len(kept) and (kept.min() < 0 or kept.max() >= n or len(np.unique(kept)) < len(kept)):
             raise ModelError(f"last: expected different variables from 0 to {n - 1}")
-        pointer = library.factor_new(
+        pointer = library.analysis_new(
             n,
             pattern.dofs,
             pattern.column_start,
@@ -74,10 +74,43 @@ class Factor:
         )
         if not pointer:
             raise SolveError(library.error().decode())
+        self.pointer: int = pointer
+        weakref.finalize(self, library.analysis_free, pointer)
+        self.pattern = pattern
+        self.last_size = int(pattern.dofs[kept].sum())
+
+
+class Factor:
+    """The Cholesky factor of matrices of one pattern: analysed once, factorised as often as wanted.
+
+    Takes the arguments of `Analysis`, or shares one: `Factor.of(analysis)`. Nothing is regularised: NotPositiveDefinite
+    names the variable.
+    """
+
+    def __init__(
+        self,
+        pattern: BlockPattern,
+        ordering: str = "automatic",
+        positions: ArrayLike | None = None,
+        last: ArrayLike | None = None,
+    ) -> None:
+        self._begin(Analysis(pattern, ordering, positions, last))
+
+    @classmethod
+    def of(cls, analysis: Analysis) -> "Factor":
+        """A factor that shares an analysis and holds nothing yet."""
+        factor = cls.__new__(cls)
+        factor._begin(analysis)
+        return factor
+
+    def _begin(self, analysis: Analysis) -> None:
+        pointer = library.factor_new(analysis.pointer)
+        if not pointer:
+            raise SolveError(library.error().decode())
         self._pointer: int = pointer
         weakref.finalize(self, library.factor_free, pointer)
-        self.pattern = pattern
-        self._last_size = int(pattern.dofs[kept].sum())
+        self.pattern = analysis.pattern
+        self._last_size = analysis.last_size
         self._lock = threading.Lock()
         self._holds = "nothing"  # or "factor", "complement"
         self._pivot = np.empty(1, np.int32)
@@ -117,19 +150,26 @@ class Factor:
             checked(library.inverse_on_pattern(self._pointer, out))
         return out
 
-    def diagonal_inverse(self) -> list[Floats]:
-        """The diagonal block (dof, dof) of A^-1 of every variable: its marginal covariance."""
-        dofs = self.pattern.dofs.astype(np.int64)
+    def diagonal_inverse(self, variables: ArrayLike | None = None) -> list[Floats]:
+        """The diagonal blocks (dof, dof) of A^-1, marginal covariances: of some variables, or of all.
+
+        Only what they depend on is computed: a few of many variables take a fraction of the time of all.
+        """
+        n = len(self.pattern.dofs)
+        wanted = np.arange(n) if variables is None else integers("variables", variables, (None,))
+        if len(wanted) and (wanted.min() < 0 or wanted.max() >= n):
+            raise ModelError(f"variables: found {wanted.min()} to {wanted.max()}, expected 0 to {n - 1}")
+        dofs = self.pattern.dofs[wanted].astype(np.int64)
         starts = np.concatenate([[0], np.cumsum(dofs * dofs)])
         flat = np.empty(int(starts[-1]))
         with self._held("factor"):
-            checked(library.diagonal_inverse(self._pointer, flat))
+            checked(library.diagonal_inverse(self._pointer, wanted.astype(np.int32), len(wanted), flat))
         blocks: list[Floats] = [flat] * len(dofs)
         for d in np.unique(dofs):
             where = np.flatnonzero(dofs == d)
             stack = flat[starts[where, None] + np.arange(d * d)].reshape(-1, d, d)
-            for variable, block in zip(where.tolist(), stack, strict=True):
-                blocks[variable] = block
+            for place, block in zip(where.tolist(), stack, strict=True):
+                blocks[place] = block
         return blocks
 
     def eliminate(

@@ -23,7 +23,7 @@ class Numbers:
         return None if array is None else c_void_p(array.__array_interface__["data"][0])
 
 
-# P: a problem or factor, A: an array, I and L: integers, D: a number.
+# P: a problem, analysis or factor, A: an array, I and L: integers, D: a number.
 P, A, I, L, D = c_void_p, Numbers, c_int32, c_int64, c_double
 
 # What each function returns and takes, in the order of cpp/api.h.
@@ -47,14 +47,16 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "cost": (I, [P, A, A]),
     "residuals": (I, [P, L, A, A]),
     "retract": (I, [P, A, A, A]),
-    "factor_new": (P, [L, A, A, A, I, A, A, I]),
+    "analysis_new": (P, [L, A, A, A, I, A, A, I]),
+    "analysis_free": (None, [P]),
+    "factor_new": (P, [P]),
     "factor_free": (None, [P]),
     "factorise": (I, [P, A, A, A]),
     "solve": (I, [P, A, L]),
     "solve_lower": (I, [P, A, L]),
     "log_determinant": (D, [P]),
     "inverse_on_pattern": (I, [P, A]),
-    "diagonal_inverse": (I, [P, A]),
+    "diagonal_inverse": (I, [P, A, L, A]),
     "eliminate": (I, [P, A, A, A, A, A, A]),
     "back_substitute": (I, [P, A, A]),
     "order": (None, [P, L, A]),

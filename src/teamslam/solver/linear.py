@@ -18,10 +18,14 @@ from teamslam.model import Layout, Names
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """A symmetric matrix of blocks: the kernel's pattern and its numbers (lower triangle, block by block)."""
+    """A symmetric matrix of blocks: the kernel's pattern and its numbers (lower triangle, block by block).
+
+    `analysis` is that of the pattern, where one was made already; factors of the matrix then share it.
+    """
 
     pattern: kernel.BlockPattern
     numbers: Array
+    analysis: kernel.Analysis | None = None
 
     def to_csr(self) -> sp.csr_array:
         """The whole matrix, both triangles."""
@@ -66,27 +70,28 @@ def block_matrix(layout: Layout, matrix: sp.csr_array) -> tuple[kernel.BlockPatt
 class Factor:
     """The Cholesky factor of matrices of one pattern over the unknowns of `layout`.
 
-    `positions` (n, 3), optional, help the fill-reducing order of large problems. `last` names variables (places in the
-    layout) that are eliminated last, for `eliminate`.
+    `structure` is the pattern, or an analysis of it to share. `last` names variables (places in the layout) that are
+    eliminated last, for `eliminate`.
     """
 
     def __init__(
         self,
         layout: Layout,
-        pattern: kernel.BlockPattern,
+        structure: kernel.BlockPattern | kernel.Analysis,
         *,
-        positions: Array | None = None,
         last: IntArray | None = None,
         names: Names | None = None,
     ) -> None:
         self.layout, self.names = layout, names or Names()
-        self._factor = kernel.Factor(pattern, positions=positions, last=last)
+        if isinstance(structure, kernel.BlockPattern):
+            structure = kernel.Analysis(structure, last=last)
+        self._factor = kernel.Factor.of(structure)
 
     @classmethod
     def of(cls, layout: Layout, matrix: Matrix | sp.csr_array, names: Names | None = None) -> "Factor":
         """The factor of one matrix. Raises SolveError where it is not positive definite."""
         blocks = matrix if isinstance(matrix, Matrix) else Matrix(*block_matrix(layout, matrix))
-        factor = cls(layout, blocks.pattern, names=names)
+        factor = cls(layout, blocks.analysis or blocks.pattern, names=names)
         factor.factorise(blocks.numbers)
         return factor
 
@@ -105,9 +110,9 @@ class Factor:
         """H^-1 right, right (n,) or (n, k)."""
         return np.asarray(self._factor.solve(right))
 
-    def marginals(self) -> list[Array]:
-        """The marginal covariance of every variable, in the order of the layout."""
-        return [np.asarray(block) for block in self._factor.diagonal_inverse()]
+    def marginals(self, places: IntArray | None = None) -> list[Array]:
+        """The marginal covariances of the variables at some places of the layout, or of all in its order."""
+        return self._factor.diagonal_inverse(places)
 
     def eliminate(self, numbers: Array, right: Array) -> tuple[Array, Array]:
         """The Schur complement of H onto `last`, dense, and the right-hand side reduced with it.

@@ -252,7 +252,7 @@ def optimise(
     if system.free.dof == 0:
         return _solution(system, values, at, Status.EMPTY, 0.0, history)
     if factor is None:
-        factor = Factor(system.free, system.pattern, positions=start.positions(system.free.keys, 3), names=system.names)
+        factor = system.factor(start)
     status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
     floor, near, curved = 10.0 * system.rounding(start), _NEAR, False
     while len(history) < options.max_iterations:

@@ -17,7 +17,7 @@ from teamslam import kernel
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array
 from teamslam.model import Layout, Loss, Names, Submap, Table, Values, pack
-from teamslam.solver.linear import Matrix, block_matrix
+from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
 
 
@@ -83,6 +83,7 @@ class System:
             if table.row.native and table.loss.name != "squared"
         ]
         self._submap_handles = self._add_submaps(self.submaps)
+        self._analysis: kernel.Analysis | None = None
 
     # --- what the optimiser asks --------------------------------------------------------------------------------
 
@@ -96,7 +97,14 @@ class System:
             self._problem.set_curved(handle, curved)
         blocks = self._numeric_blocks(values)
         cost, gradient, hessian = self._problem.linearise(values.state, blocks)
-        return Linearised(cost, gradient, Matrix(self.pattern, hessian))
+        return Linearised(cost, gradient, Matrix(self.pattern, hessian, self._analysis))
+
+    def factor(self, values: Values) -> Factor:
+        """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
+        help; from then on it serves every factor of this system, and of the matrices that `linearise` returns."""
+        if self._analysis is None:
+            self._analysis = kernel.Analysis(self.pattern, positions=values.positions(self.free.keys, 3))
+        return Factor(self.free, self._analysis, names=self.names)
 
     def cost(self, values: Values) -> float:
         """F at `values`."""
