@@ -145,7 +145,6 @@ int32_t Cholesky::run(const double* values, const double* damping, bool keep_las
 int32_t Cholesky::factor(const double* values, const double* damping) { return run(values, damping, false); }
 
 void Cholesky::Numeric::prepare(const Symbolic& s, int threads) {
-  const auto buffer = [](int64_t size) { return Buffer(new double[static_cast<size_t>(size)]); };
   if (panel == nullptr) {
     panel = buffer(s.panel_total);
     handoff = buffer(s.stack_size[2] + s.stack_size[3] + s.stack_size[4]);

@@ -4,14 +4,13 @@
 #include <memory>
 #include <vector>
 
+#include "buffer.hpp"
 #include "cholesky.hpp"
 #include "dense.hpp"
 #include "symbolic.hpp"
 #include "threads.hpp"
 
 namespace teamslam {
-
-using Buffer = std::unique_ptr<double[]>;
 
 struct Cholesky::Numeric {
   void prepare(const Symbolic& symbolic, int threads);  // allocates what is missing

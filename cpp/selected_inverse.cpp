@@ -193,7 +193,7 @@ class Inversion {
     const Front& front = s_.front[f];
     InverseFront& z = front_[f];
     const int64_t k = front.columns, kp = front.leading_pivot(), m = front.rows, mp = front.leading_rows();
-    z.memory = Buffer(new double[static_cast<size_t>(front.panel_size() + front.update_size())]);
+    z.memory = buffer(front.panel_size() + front.update_size());
     z.pivots = z.memory.get();
     z.rows = z.pivots + front.below();
     z.below = z.pivots + front.panel_size();
