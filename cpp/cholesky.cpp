@@ -49,11 +49,13 @@ Choice chosen(const Graph& graph, Ordering asked, const std::vector<uint8_t>& fr
     return Choice{ordered(graph, method, frozen, positions, last, last_count, threads), method};
   };
   if (asked != Ordering::automatic) return with(asked);
-  constexpr int32_t large = 5000;
+  constexpr int32_t small = 2500, large = 5000;
   constexpr double factorisations = 5;
   const Ordering dissecting = positions != nullptr ? Ordering::geometric : Ordering::nested_dissection;
-  if (graph.size() - last_count >= large) return with(dissecting);
-  const double dissection_time = (positions != nullptr ? 1.5e-6 : 3e-6) * graph.size();
+  const int32_t size = graph.size() - last_count;
+  if (size < small) return with(Ordering::minimum_degree);
+  if (size >= large) return with(dissecting);
+  const double dissection_time = (positions != nullptr ? 1.5e-6 : 3e-6) * size;
   Choice degree = with(Ordering::minimum_degree);
   if (factorisations * degree.elimination.flops / flops_per_second / 2 < dissection_time) return degree;
   Choice dissection = with(dissecting);

@@ -220,9 +220,32 @@ double evaluate_rows(const Rows& table, const double* state, double* whitened) {
   return cost;
 }
 
+// Small factors have everything that they call built in, so that what is known at compile time (which Jacobians are the
+// identity or zero) is known throughout. Large ones would only outgrow the registers.
+#if defined(__GNUC__) || defined(__clang__)
+#define TEAMSLAM_FLATTEN __attribute__((flatten))
+#else
+#define TEAMSLAM_FLATTEN
+#endif
+
+template <class Factor>
+TEAMSLAM_FLATTEN double linearise_rows_flat(const Rows& table, const double* state, double* system) {
+  return linearise_rows<Factor>(table, state, system);
+}
+
+template <class Factor>
+TEAMSLAM_FLATTEN double evaluate_rows_flat(const Rows& table, const double* state, double* whitened) {
+  return evaluate_rows<Factor>(table, state, whitened);
+}
+
 template <class Factor>
 constexpr RowLoops loops() {
-  return {&linearise_rows<Factor>, &evaluate_rows<Factor>};
+  constexpr bool small = Factor::rows * (Factor::dof_a + Factor::dof_b) <= 18;
+  if constexpr (small) {
+    return {&linearise_rows_flat<Factor>, &evaluate_rows_flat<Factor>};
+  } else {
+    return {&linearise_rows<Factor>, &evaluate_rows<Factor>};
+  }
 }
 
 // Which kinds each model relates. Every instance of the loops is named here.

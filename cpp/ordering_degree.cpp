@@ -10,6 +10,7 @@
 // Vertices with very many neighbours (a submap's base, a landmark that everyone sees) would make every degree
 // computation long and gain nothing: they are set aside and come last.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "ordering.hpp"
@@ -81,7 +82,7 @@ class MinimumDegree {
       }
     }
     buckets_.assign(static_cast<size_t>(total) + 1, none);
-    hash_head_.assign(static_cast<size_t>(n_), none);
+    hash_head_.assign(std::bit_ceil(static_cast<size_t>(n_) + 1), none);
     hash_.assign(static_cast<size_t>(n_), 0);
     lists_.reserve(graph.neighbour.size() + graph.neighbour.size() / 4 + static_cast<size_t>(n_) + 16);
     lowest_ = static_cast<int32_t>(total);
@@ -240,7 +241,7 @@ class MinimumDegree {
       const int64_t variables = begin + elements_[v];
       const int64_t end = begin + length_[v];
       int64_t degree = 0;
-      uint64_t hash = 0;
+      uint32_t hash = 0;
       int64_t to = begin;
       for (int64_t k = begin; k < variables; ++k) {
         const int32_t e = lists_[k];
@@ -249,7 +250,7 @@ class MinimumDegree {
         if (outside > 0) {
           degree += outside;
           lists_[to++] = e;
-          hash += static_cast<uint64_t>(e);
+          hash += static_cast<uint32_t>(e);
         } else {
           absorb(e);  // it lies wholly inside the new element
         }
@@ -261,7 +262,7 @@ class MinimumDegree {
         if (weight_[u] <= 0) continue;
         degree += weight_[u];
         lists_[to++] = u;
-        hash += static_cast<uint64_t>(u);
+        hash += static_cast<uint32_t>(u);
       }
       if (kept_elements == 0 && to == first_variable && !frozen(v)) {
         const int32_t weight = -weight_[v];
@@ -281,7 +282,7 @@ class MinimumDegree {
       lists_[begin] = pivot;
       elements_[v] = static_cast<int32_t>(kept_elements + 1);
       length_[v] = static_cast<int32_t>(to - begin + 1);
-      hash_[v] = static_cast<int32_t>((hash + static_cast<uint64_t>(pivot)) % static_cast<uint64_t>(n_));
+      hash_[v] = static_cast<int32_t>((hash + static_cast<uint32_t>(pivot)) & (hash_head_.size() - 1));
       previous_[v] = hash_head_[hash_[v]];  // degree links are free while v is out of the buckets
       hash_head_[hash_[v]] = v;
     }

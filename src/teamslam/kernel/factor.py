@@ -14,6 +14,10 @@ from teamslam.kernel.pattern import BlockPattern
 ORDERINGS = ("automatic", "minimum_degree", "nested_dissection", "geometric", "natural")
 
 
+POSITIONS_HELP_FROM = 2500
+"""Variables: smaller problems are ordered without regard to where things are."""
+
+
 class NotPositiveDefinite(SolveError):
     """A pivot was not positive. `variable` is the variable of the pattern at which it was found."""
 
@@ -38,7 +42,7 @@ class Statistics:
 class Analysis:
     """What factors of one pattern have in common: the order of elimination and all indices. Made once, shared freely.
 
-    `ordering` is a name of ORDERINGS; positions (n, 3) help it at large sizes. `last` names variables that are
+    `ordering` is a name of ORDERINGS; positions (n, 3) help it from POSITIONS_HELP_FROM on. `last` names variables that are
     eliminated last, in that order, for `Factor.eliminate`.
     """
 

@@ -42,11 +42,26 @@ class BlockPattern:
             raise ModelError("row: every column must begin with its diagonal block")
         if (np.diff(row)[np.diff(column) == 0] <= 0).any() or (n and (row.min() < 0 or row.max() >= n)):
             raise ModelError(f"row: rows must rise within a column and be below {n}")
-        object.__setattr__(self, "dofs", dofs.astype(np.int32))
+        self._set(dofs.astype(np.int32), column_start, row.astype(np.int32))
+
+    @classmethod
+    def trusted(
+        cls, dofs: NDArray[np.int32], column_start: NDArray[np.int64], row: NDArray[np.int32]
+    ) -> "BlockPattern":
+        """The pattern that these arrays say, from the kernel, which need not be checked."""
+        pattern = cls.__new__(cls)
+        pattern._set(dofs, column_start, row)
+        return pattern
+
+    def _set(self, dofs: NDArray[np.int32], column_start: NDArray[np.int64], row: NDArray[np.int32]) -> None:
+        sizes = dofs.astype(np.int64)
+        heights = sizes[row]
+        heights *= np.repeat(sizes, np.diff(column_start))
+        object.__setattr__(self, "dofs", dofs)
         object.__setattr__(self, "column_start", column_start)
-        object.__setattr__(self, "row", row.astype(np.int32))
-        object.__setattr__(self, "value_start", _starts(dofs[row] * dofs[column]))
-        object.__setattr__(self, "scalar_start", _starts(dofs))
+        object.__setattr__(self, "row", row)
+        object.__setattr__(self, "value_start", _starts(heights))
+        object.__setattr__(self, "scalar_start", _starts(sizes))
 
     @classmethod
     def from_pairs(cls, dofs: ArrayLike, first: ArrayLike, second: ArrayLike) -> "BlockPattern":

@@ -312,7 +312,7 @@ class Problem:
         n, blocks, self._system = (int(size) for size in sizes)
         dofs, column_start, row = np.empty(n, np.int32), np.empty(n + 1, np.int64), np.empty(blocks, np.int32)
         library.pattern(self._pointer, dofs, column_start, row)
-        return BlockPattern(dofs, column_start, row)
+        return BlockPattern.trusted(dofs, column_start, row)
 
     def _user_blocks(self, given: Blocks) -> tuple[Integers, list[Floats], list[Floats], float]:
         if set(given) != set(self._blocks):

@@ -103,7 +103,9 @@ class System:
         """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
         help; from then on it serves every factor of this system, and of the matrices that `linearise` returns."""
         if self._analysis is None:
-            self._analysis = kernel.Analysis(self.pattern, positions=values.positions(self.free.keys, 3))
+            large = len(self.free) >= kernel.POSITIONS_HELP_FROM
+            places = values.positions(self.free.keys, 3) if large else None
+            self._analysis = kernel.Analysis(self.pattern, positions=places)
         return Factor(self.free, self._analysis, names=self.names)
 
     def cost(self, values: Values) -> float:
