@@ -1,5 +1,6 @@
 """Bad submaps are refused with the reason, and the rest is joined."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import scipy.sparse as sp
 
 from teamslam.io.arrays import submap_to_bytes, write_submap
 from teamslam.joining import build, join, split
-from teamslam.model import Kind, Names, Submap, Values
+from teamslam.model import Kind, Names, Submap, Table, Values, pose_key
 from teamslam.net import SubmapSet, admit
 from teamslam.net.messages import canonical
 from worlds import team
@@ -53,12 +54,50 @@ def renamed_landmark(submap: Submap) -> Submap:
     return replace(submap, names=Names({}, {0: "not the oak"}, 1.0))
 
 
+def raw_sighting(**flaw: object) -> Callable[[Submap], Submap]:
+    """With a range that its robot's base pose measured to another robot, under a robust loss, and one flaw in it."""
+
+    def spoil(submap: Submap) -> Submap:
+        (robot,) = submap.robots
+        keys = np.array([[submap.base, pose_key(robot % 3 + 1, 0)]])
+        sound = Table(robot, "odometry", "range", 2, keys, np.ones((1, 1)), np.eye(1)[None], np.array([0]))
+        return replace(submap, raw=(replace(sound, **flaw),))
+
+    return spoil
+
+
+def turned_landmark(submap: Submap) -> Submap:
+    """A raw pose of what the submap holds as a point."""
+    keys = np.array([[submap.base, submap.landmark_keys[0]]])
+    identity = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]])
+    seen = raw_sighting(model="relative_pose", keys=keys, values=identity, whitening=np.eye(3)[None])
+    return seen(submap)
+
+
+SHEAR = np.array([[0.0, 0.0, 1.0, 1.0, 0.0, 1.0]])
+
 BAD = {
     "indefinite": (indefinite, "not positive definite"),
     "not finite": (not_finite, "not finite"),
     "no base frame": (without_base, "neither a robot's pose nor the world"),
     "another dimension": (spatial_landmarks, "another dimension"),
     "another clock": (lambda s: replace(s, names=Names(tick_s=1e-6)), "tick"),
+    "raw noise of nothing": (raw_sighting(whitening=np.zeros((1, 1, 1))), "says nothing about one of its numbers"),
+    "raw noise beyond numbers": (raw_sighting(whitening=np.full((1, 1, 1), 1e200)), "not finite, or beyond"),
+    "raw rotation that is none": (
+        raw_sighting(model="relative_pose", values=SHEAR, whitening=np.eye(3)[None]),
+        "not orthonormal",
+    ),
+    "raw direction that is none": (
+        raw_sighting(model="bearing", dim=3, values=np.full((1, 3), 1.0), whitening=np.eye(2)[None]),
+        "no unit vector",
+    ),
+    "raw sighting by a landmark": (raw_sighting(keys=np.array([[0, pose_key(1, 0)]])), "not taken from a robot's pose"),
+    "raw sighting of itself": (raw_sighting(keys=np.full((1, 2), pose_key(1, 0))), "sees itself"),
+    "raw sighting by nobody": (raw_sighting(robot=-3), "numbered from 1"),
+    "raw row that is none": (raw_sighting(ids=np.array([-1])), "counted from 0"),
+    "raw row of nobody's log": (raw_sighting(ids=np.array([7000])), "counted twice unseen"),
+    "raw turn of a point": (turned_landmark, "holds as a point"),
 }
 
 
@@ -73,6 +112,14 @@ def test_one_bad_submap_is_refused_and_the_rest_is_joined(flaw: str, place: int)
     rest = [s for n, s in enumerate(GOOD) if n != place]
     assert [s.id for s in found.good] == [s.id for s in rest]
     assert canonical(join(found.good).map) == canonical(join(rest).map)
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_a_sound_raw_sighting_is_admitted(place: int) -> None:
+    """What the flaws above are put into has none itself."""
+    found = admit([raw_sighting()(s) if n == place else s for n, s in enumerate(GOOD)])
+    assert not found.refused
+    assert join(found.good).converged
 
 
 def test_files_that_are_damaged_of_another_version_or_none_are_refused(tmp_path: Path) -> None:

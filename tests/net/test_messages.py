@@ -1,5 +1,7 @@
 """Messages: to the bit or within the bound, never more than raw by plan, and never half read."""
 
+import hashlib
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from teamslam.errors import InputError
+from damage import damaged_bytes
+from teamslam.errors import InputError, TeamslamError
 from teamslam.geometry import Pose
-from teamslam.joining import build, separators, split
+from teamslam.joining import build, join, separators, split
 from teamslam.model import WORLD, Dataset, Loss, Submap, Table, Values
-from teamslam.net import COMPACT, EXACT, Precision, plan, receive, send, send_raw
-from teamslam.net.messages import CONDENSINGS, canonical
+from teamslam.net import COMPACT, EXACT, KINDS, Precision, admit, plan, receive, send, send_raw
+from teamslam.net.messages import CONDENSINGS, DIGEST, MAGIC, PLAIN, VERSION, canonical
 from worlds import WORLDS, team
 
 TEAMS = [(world, "relative_pose") for world in WORLDS] + [
@@ -126,6 +129,21 @@ def test_a_cut_message_is_refused(length: int) -> None:
         receive(MESSAGE[: length % len(MESSAGE)])
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@given(st.data())
+def test_damage_under_a_good_digest_gives_a_message_or_an_error(kind: str, data: st.DataObject) -> None:
+    """A robot that lies, or a bug: whatever it sends is refused with a reason, or is sound enough to be joined."""
+    content = data.draw(damaged_bytes(CONTENTS[kind]))
+    start = MAGIC + bytes([VERSION, PLAIN])
+    digest = hashlib.blake2b(start + content, digest_size=DIGEST).digest()
+    try:
+        received = receive(start + digest + content)
+        if isinstance(received.content, Submap):
+            join(admit([received.content, *OTHERS]).good)
+    except TeamslamError:
+        pass
+
+
 def test_a_message_of_another_version_says_what_to_do() -> None:
     with pytest.raises(InputError, match="of version 9; this teamslam reads version 1"):
         receive(MESSAGE[:3] + b"\x09" + MESSAGE[4:])
@@ -154,7 +172,22 @@ def _a_message() -> bytes:
     return send("condensed", submap, submap.landmark_keys, COMPACT).data
 
 
-MESSAGE = _a_message()
+def _contents() -> dict[str, bytes]:
+    """What stands in a message of each kind, before it is deflated and sealed."""
+    piece, submap = pieces_and_submaps("2d", "range_bearing")[0]
+    keep = np.union1d(submap.landmark_keys, submap.raw[0].keys)
+    keep = keep[submap.values.layout.contains(keep)]
+    messages = {kind: send(kind, submap, keep) for kind in CONDENSINGS} | {"raw": send_raw(piece, submap.id)}
+    return {kind: inflated(message.data) for kind, message in messages.items()}
+
+
+def inflated(message: bytes) -> bytes:
+    content = message[5 + DIGEST :]
+    return zlib.decompress(content) if message[4] != PLAIN else content
+
+
+MESSAGE, CONTENTS = _a_message(), _contents()
+OTHERS = [submap for _, submap in pieces_and_submaps("2d", "range_bearing")[2:]]
 
 
 def test_values_keep_their_bits() -> None:

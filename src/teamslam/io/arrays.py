@@ -29,6 +29,7 @@ import scipy.sparse.linalg
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import AnyArray, Pose
+from teamslam.io.soundness import check_keys, check_numbers, check_raw, check_rotations, check_table
 from teamslam.model import (
     WORLD,
     Dropped,
@@ -43,7 +44,6 @@ from teamslam.model import (
     Values,
     is_pose,
     pack,
-    robot_of,
 )
 from teamslam.model.keys import MAX_ROBOT
 
@@ -215,7 +215,7 @@ def submap_from_bytes(message: bytes, *, prove: bool = True) -> Submap:
         _check_values(values)
         _check_base(content)
         information = _information(content, values.layout.dof, prove)
-        return Submap(
+        submap = Submap(
             id=content.id,
             version=content.version,
             base=content.base,
@@ -229,6 +229,8 @@ def submap_from_bytes(message: bytes, *, prove: bool = True) -> Submap:
             chi2=_not_negative(content.chi2, "chi2"),
             rows=int(_not_negative(content.rows, "rows")),
         )
+        check_raw(submap)
+        return submap
     except ModelError as error:
         raise InputError(str(error)) from None
 
@@ -268,8 +270,7 @@ def _unpacked(array: _Array, name: str, dtype: str, axes: int) -> AnyArray:
     if math.prod(array.shape) * 8 != len(array.data):
         raise InputError(f"the shape {array.shape} does not fit {len(array.data)} bytes", field=name)
     found = np.frombuffer(array.data, dtype).reshape(array.shape).astype(dtype[1:])
-    if not np.isfinite(found).all():
-        raise InputError("a number is not finite", field=name)
+    check_numbers(found, name)
     return found
 
 
@@ -290,8 +291,6 @@ def _packed_table(table: Table) -> _Table:
 
 
 def _unpacked_table(content: _Table) -> Table:
-    keys = _unpacked(content.keys, "raw keys", "<i8", 2)
-    _check_keys(keys)
     sensor = None
     if content.sensor is not None:
         row = _unpacked(content.sensor, "sensor", "<f8", 1)
@@ -299,19 +298,20 @@ def _unpacked_table(content: _Table) -> Table:
             raise InputError(f"a sensor's pose has 6 or 12 numbers, found {len(row)}", field="sensor")
         dim = 2 if len(row) == 6 else 3
         sensor = Pose(row[dim:].reshape(dim, dim), row[:dim])
-        _check_rotations(sensor)
-    return Table(
+    table = Table(
         robot=content.robot,
         source=content.source,
         model=content.model,
         dim=content.dim,
-        keys=keys,
+        keys=_unpacked(content.keys, "raw keys", "<i8", 2),
         values=_unpacked(content.values, "raw values", "<f8", 2),
         whitening=_unpacked(content.whitening, "raw whitening", "<f8", 3),
         ids=_unpacked(content.ids, "raw ids", "<i8", 1),
         sensor=sensor,
         loss=Loss(content.loss, content.loss_scale),
     )
+    check_table(table)
+    return table
 
 
 # --- meaning ----------------------------------------------------------------------------------------------------------
@@ -321,15 +321,10 @@ def _layout(content: _Content) -> Layout:
     keys, kinds = _unpacked(content.keys, "keys", "<i8", 1), _unpacked(content.kinds, "kinds", "<i8", 1)
     if not np.isin(kinds, [int(kind) for kind in Kind]).all():
         raise InputError(f"kinds of variables are 0 to {len(Kind) - 1}", field="kinds")
-    _check_keys(keys)
+    check_keys(keys)
     if len(kinds) == len(keys) and (is_pose(keys) & (kinds > Kind.POSE3)).any():
         raise InputError("a robot's pose is stored as a point", field="kinds")
     return Layout(keys, kinds)
-
-
-def _check_keys(keys: AnyArray) -> None:
-    if len(keys) and (keys.min() < 0 or robot_of(keys).max() > MAX_ROBOT):
-        raise InputError("a key is neither a robot's pose nor a landmark", field="keys")
 
 
 def _check_base(content: _Content) -> None:
@@ -344,14 +339,7 @@ def _check_base(content: _Content) -> None:
 def _check_values(values: Values) -> None:
     for kind, _, data in values.parts():
         if kind.is_pose and isinstance(data, Pose):
-            _check_rotations(data)
-
-
-def _check_rotations(poses: Pose) -> None:
-    r = poses.rotation
-    lopsided = np.abs(r @ np.swapaxes(r, -1, -2) - np.eye(poses.dim)).max(initial=0.0)
-    if not lopsided < 1e-8 or (np.linalg.det(r) < 0.0).any():
-        raise InputError("a rotation matrix is not orthonormal", field="state")
+            check_rotations(data)
 
 
 def _information(content: _Content, dof: int, prove: bool) -> sp.csr_array:
@@ -403,7 +391,7 @@ def positive_definite(matrix: sp.csr_array) -> bool:
 
 def _sources(content: _Content) -> Sources:
     for robot, source, start, stop in content.sources:
-        if not (1 <= robot <= MAX_ROBOT and source and 0 <= start < stop):
+        if not (1 <= robot <= MAX_ROBOT and source and 0 <= start < stop < 1 << 62):
             raise InputError(f"robot {robot}'s rows {start} to {stop} of '{source}' are none", field="sources")
     stretches = [Stretch(*entry) for entry in content.sources]
     for first, second in zip(sorted(stretches), sorted(stretches)[1:], strict=False):

@@ -317,7 +317,8 @@ def _put_whitening(out: Writer, table: Table, eta: float) -> float:
         out.integers(which)
     used = (distinct != 0.0).any(0)
     out.raw(np.packbits(used).tobytes())
-    single = distinct.astype(np.float32).astype(float)
+    with np.errstate(over="ignore"):  # what single precision cannot hold goes in double
+        single = distinct.astype(np.float32).astype(float)
     bound = _relative_change(distinct, single) if eta and len(distinct) > 1 else np.inf
     out.number(int(bound <= eta))
     out.reals(distinct[:, used], single=bound <= eta)

@@ -19,8 +19,10 @@ import numpy as np
 from teamslam.errors import InputError, TeamslamError
 from teamslam.geometry import AnyArray
 from teamslam.io.arrays import submap_from_bytes, submap_to_bytes
+from teamslam.io.soundness import check_table
 from teamslam.joining import build, condense, condense_partially
 from teamslam.model import Dataset, Sources, Submap
+from teamslam.model.keys import MAX_ROBOT
 from teamslam.net.codec import (
     get_known,
     get_names,
@@ -171,9 +173,14 @@ def _inflate(flag: int, content: bytes) -> bytes:
 def _open_raw(source: Reader, rounding: Precision) -> Received:
     id_, version = source.text(), source.number()
     robots = {source.number(): source.number() for _ in range(source.count())}
+    if not all(1 <= robot <= MAX_ROBOT and dim in (2, 3) for robot, dim in robots.items()):
+        raise InputError(DAMAGED.format(f"a team of robots {robots} (number: dimension) cannot be"))
     known = get_known(source)
     names = get_names(source)
-    return Received("raw", id_, version, rounding, Dataset(robots, get_tables(source, known), names))
+    tables = get_tables(source, known)
+    for table in tables:
+        check_table(table)
+    return Received("raw", id_, version, rounding, Dataset(robots, tables, names))
 
 
 def _open_submap(source: Reader, kind: str, rounding: Precision) -> Received:
