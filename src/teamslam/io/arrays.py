@@ -14,10 +14,8 @@ with the reason.
 
 import hashlib
 import math
-import os
 import re
 import struct
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -30,6 +28,7 @@ import scipy.sparse.linalg
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import AnyArray, Pose
 from teamslam.io.soundness import check_keys, check_numbers, check_raw, check_rotations, check_table
+from teamslam.io.whole import whole_file
 from teamslam.model import (
     WORLD,
     Dropped,
@@ -155,15 +154,8 @@ def write_submap(submap: Submap, path: str | Path) -> None:
     path = Path(path)
     content = submap_to_bytes(submap)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            os.replace(temporary, path)
-        except OSError:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        with whole_file(path) as file:
+            file.write(content)
     except OSError as error:
         raise InputError(f"the file cannot be written: {error.strerror or error}", path=path) from None
 

@@ -1,8 +1,8 @@
 """Whether numbers that came from elsewhere mean something, before anything is computed from them.
 
-One submap that makes no sense must not cost a team its join, so what a join would stumble over is refused where it comes
-in, with the reason: rotations and directions that are none, noise without a covariance, keys and robots that cannot be,
-and numbers whose squares would overflow.
+One submap that makes no sense must not cost a team its join. So what a join would stumble over is refused where it
+comes in, with the reason: rotations and directions that are none, noise without a covariance, keys and robots that
+cannot be, and numbers whose squares would overflow.
 """
 
 import numpy as np

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from teamslam.errors import InputError
+from teamslam.io.whole import whole_file
 from teamslam.model import Dataset, index_of
 from teamslam.net.messages import Received, receive, send_raw
 
@@ -13,13 +14,13 @@ SUFFIX = ".piece"
 
 def write_pieces(pieces: Sequence[Dataset], folder: Path, *, version: int = 0) -> list[Path]:
     """One file a piece, numbered in order; `version` is that of the submaps that will be built of them."""
-    folder.mkdir(parents=True, exist_ok=True)
     width, files = len(str(len(pieces))), []
     for number, piece in enumerate(pieces, 1):
         robot = piece.tables[0].robot
         id_ = f"{piece.names.robot(robot)}/{int(index_of(piece.pose_keys[robot][0]))}"  # as `build` calls it
         files.append(folder / f"{number:0{width}}_robot_{robot}{SUFFIX}")
-        files[-1].write_bytes(send_raw(piece, id_, version).data)
+        with whole_file(files[-1]) as file:
+            file.write(send_raw(piece, id_, version).data)
     return files
 
 

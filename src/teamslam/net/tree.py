@@ -28,12 +28,13 @@ import numpy as np
 from teamslam.errors import InputError, ModelError, SolveError
 from teamslam.geometry import IntArray
 from teamslam.io.arrays import SUFFIX, read_submap, write_submap
+from teamslam.io.whole import whole_file
 from teamslam.joining import Component, Interior, Joined, build, condense, join
 from teamslam.model import WORLD, Dataset, Submap
 from teamslam.net.cluster import Crew, Processes, Workers, crew
 from teamslam.net.pieces import read_piece
 from teamslam.net.sharing import Sharing, by_sharing
-from teamslam.net.treemap import TreeMap, read_values, whole_file, write_values
+from teamslam.net.treemap import TreeMap, read_values, write_values
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 

@@ -4,19 +4,16 @@ All of it need not fit into memory: robots are looked at one by one. Where it do
 that `teamslam.join` gives.
 """
 
-import os
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.io.arrays import read_submap
 from teamslam.io.tum import write_trajectories
+from teamslam.io.whole import whole_file
 from teamslam.joining import Component, Joined
 from teamslam.joining.carry import Carrier
 from teamslam.joining.join import in_order, joined_map, usable_rows
@@ -96,20 +93,6 @@ def read_values(path: Path) -> Values:
     """What `write_values` wrote."""
     with np.load(path, allow_pickle=False) as arrays:
         return Values(Layout(arrays["keys"], arrays["kinds"]), arrays["state"])
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A draft that takes its place once it is written, so that a file that is there is whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-        os.replace(draft, path)
-    except BaseException:
-        Path(draft).unlink(missing_ok=True)
-        raise
 
 
 def _of_robot(values: Values, robot: int | None) -> Values:

@@ -14,7 +14,6 @@ What is in it:
 import csv
 import json
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +26,7 @@ from teamslam.config import Config, write_config
 from teamslam.errors import InputError
 from teamslam.io import read_submaps, write_submaps
 from teamslam.io.tum import write_trajectories
+from teamslam.io.whole import beside
 from teamslam.model import Layout, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
@@ -128,11 +128,10 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     """A draft folder that takes the place of `folder` once everything in it is written, and vanishes on any error."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        (draft := beside(folder)).mkdir()
     except OSError as error:
         raise InputError(f"the output folder cannot be made: {error.strerror or error}", path=folder) from None
     try:
-        draft.chmod(0o755)
         yield draft
         if folder.exists():
             shutil.rmtree(folder)

@@ -1,0 +1,30 @@
+"""Files that are whole or not there: written beside their place, and moved there once they are complete.
+
+So whoever finds a file may trust it, also after a kill, and whoever may read the folder may read what is new in it.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+from uuid import uuid4
+
+
+def beside(path: Path) -> Path:
+    """A name for a draft in the same folder that nobody else uses."""
+    return path.with_name(f".{path.name}.{uuid4().hex}.part")
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A draft that takes the place of `path` at the end, and vanishes on any error. Its folder is made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = beside(path)
+    try:
+        with draft.open("xb") as file:
+            yield file
+        os.replace(draft, path)
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
