@@ -29,7 +29,7 @@ def build(
     version
         The version of the submaps. In a join a newer version of a submap replaces an older one.
     poses_per_piece
-        Where a log is cut here: by count. Without it, where the dead-reckoned heading gets uncertain.
+        Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry.
     format
         The format of the log, where it cannot be told from its looks.
     """

@@ -57,7 +57,7 @@ def exchange(
     keyframe
         Keep only every n-th sighting of each pair of robots.
     poses_per_piece
-        Cut the log by count. Without it, where the dead-reckoned heading gets uncertain.
+        Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry.
     format
         The format of the log, where it cannot be told from its looks.
     """

@@ -31,7 +31,8 @@ def split(
     out
         The folder to write, one file *.piece for each; it must not exist or be empty.
     poses_per_piece
-        Cut by count. Without it, where the dead-reckoned heading gets uncertain.
+        Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry: the start
+        of a long one is found in short stretches by itself.
     keyframe
         Keep only every n-th sighting of each pair of robots.
     format

@@ -11,7 +11,7 @@ def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What a run came to, as names and values."""
     rows = [
         ("status", str(report["status"])),
-        ("objective", f"{report['cost']:.6g}  (chi2 {report['chi2']:.6g}, {report['dof']} degrees of freedom)"),
+        ("cost", f"{report['cost']:.6g}  (chi2 {report['chi2']:.6g}, {report['dof']} degrees of freedom)"),
         ("went in", f"{report['robots']} robots, {report['poses']} poses, {report['landmarks']} landmarks"),
         ("robot position RMSE", metres(report["robot_position_rmse_m"])),
         ("landmark RMSE", metres(report["landmark_rmse_m"])),
