@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teamslam.io import read_submaps, write
-from teamslam.joining import build
+from teamslam.io import read_submaps, write, write_submaps
+from teamslam.joining import build, split
 from teamslam.model import Dataset
 from teamslam.net.pieces import read_piece
 from worlds import team
@@ -38,7 +38,8 @@ def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Pa
     for field in ("robots", "poses", "landmarks", "dof", "components"):
         assert ours[field] == theirs[field], field
     assert ours["robot_position_rmse_m"] == pytest.approx(theirs["robot_position_rmse_m"], rel=1e-6)
-    assert ours["refused"] == []
+    assert ours["refused"] == ours["left_out"] == []
+    assert ours["input"] == str(tmp_path / "submaps")
 
 
 def test_a_log_is_built_without_a_detour(teamslam, log: Path, tmp_path: Path) -> None:
@@ -55,6 +56,47 @@ def test_bad_submaps_are_refused_with_the_reason_and_the_rest_is_joined(teamslam
     report = json.loads((tmp_path / "map" / "report.json").read_text())
     assert [Path(r["name"]).name for r in report["refused"]] == ["cut.submap"]
     assert report["robots"] == 3
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Submaps of a team whose sightings of each other travel raw, as ranges and bearings do."""
+    path = tmp_path_factory.mktemp("seen") / "submaps"
+    pieces = split(team("2d", poses=20, landmarks=6, sees=0.6, robot_model="range_bearing"))
+    write_submaps([build(piece) for piece in pieces], path)
+    return path
+
+
+@pytest.mark.parametrize("what", ["a robot", "a submap"])
+def test_without_a_robot_it_is_as_if_it_had_never_been_there(teamslam, seen: Path, tmp_path: Path, what: str) -> None:
+    first, gone, last = sorted(seen.iterdir())
+    name = {"a robot": "2", "a submap": read_submaps(gone)[0].id}[what]
+    called = teamslam("join", seen, "--out", tmp_path / "without", "--without", name, "--no-figures")
+    assert called.code == 0 and "1 left out" in called.out
+    assert teamslam("join", first, last, "--out", tmp_path / "never", "--no-figures").code == 0
+    maps = [next((tmp_path / out / "maps").iterdir()).read_bytes() for out in ("without", "never")]
+    assert maps[0] == maps[1]
+    reports = [json.loads((tmp_path / out / "report.json").read_text()) for out in ("without", "never")]
+    assert [report["left_out"] for report in reports] == [[read_submaps(gone)[0].id], []]
+    assert [report["robots"] for report in reports] == [2, 2]
+
+
+def test_without_somebody_unknown_says_who_there_is(teamslam, seen: Path, tmp_path: Path) -> None:
+    called = teamslam("join", seen, "--out", tmp_path / "map", "--without", "nobody")
+    assert called.code == 2 and "no robot is called 'nobody'" in called.err and "1, 1/0, 2" in called.err
+    assert not (tmp_path / "map").exists()
+
+
+@pytest.mark.parametrize("workers", [[], ["--workers", "1"]])
+def test_what_is_left_of_a_team_is_joined_though_others_saw_who_was_refused(
+    teamslam, seen: Path, tmp_path: Path, workers: list[str]
+) -> None:
+    for file in seen.iterdir():
+        content = file.read_bytes()
+        (tmp_path / file.name).write_bytes(content[:-1] if file.name.startswith("2") else content)
+    called = teamslam("join", tmp_path, "--out", tmp_path / "map", *workers)
+    assert called.code == 1 and "refused" in called.err
+    assert json.loads((tmp_path / "map" / "report.json").read_text())["robots"] == 2
 
 
 def test_where_nothing_can_be_joined_nothing_is_written(teamslam, log: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from teamslam.errors import InputError
 from teamslam.io.arrays import submap_to_bytes, write_submap
 from teamslam.joining import build, join, split
 from teamslam.model import Kind, Names, Submap, Table, Values, pose_key
@@ -170,6 +171,17 @@ def test_of_submaps_that_exclude_each_other_the_worst_goes_whatever_the_order() 
         found = admit(candidates)
         assert [r.name for r in found.refused] == ["greedy"]
         assert "count twice" in found.refused[0].reason
+
+
+def test_what_is_left_out_excludes_nobody() -> None:
+    """A submap that took rows of the others would be believed, were these refused; left out, it has no say."""
+    greedy = replace(GOOD[0], id="greedy", sources=GOOD[1].sources.merge(GOOD[2].sources))
+    found = admit([greedy, *GOOD], without=["greedy", "1"])
+    assert found.left_out == tuple(sorted(["greedy", GOOD[0].id]))
+    assert not found.refused
+    assert [s.id for s in found.good] == [s.id for s in GOOD[1:]]
+    with pytest.raises(InputError, match=r"no robot is called '4'; there are: 1, 1/0, 2"):
+        admit(GOOD, without=["4"])
 
 
 def test_a_set_joins_what_is_good() -> None:

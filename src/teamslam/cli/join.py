@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from teamslam.joining import Joined
-    from teamslam.model import Submap, Values
+    from teamslam.model import Submap, Table, Values
     from teamslam.net import Admission, Workers
+    from teamslam.pipeline import Clock, Progress
     from teamslam.results.record import Record
 
 
@@ -19,6 +20,7 @@ def join(
     *maps: Path,
     out: Path,
     truth: Path | None = None,
+    without: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int | None = None,
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
@@ -34,6 +36,7 @@ def join(
     teamslam join submaps --out map
     teamslam join robot-1 robot-2 other/3_robot_3.submap --out map
     teamslam join submaps --out map --truth MRCLAM_Dataset6
+    teamslam join submaps --out map --without "robot 3"
     teamslam join submaps --out map --workers 8
     teamslam join VicPark_200_local_maps --out map
     ```
@@ -49,6 +52,9 @@ def join(
         The folder to write. It appears when everything in it is written, never half.
     truth
         A log that holds the truth, to score the map against.
+    without
+        A robot's name, whose submaps are all left out, or the id of one submap. May be given several times. The map is
+        as if they had never been there.
     workers
         Join in so many processes, by a tree. What they make lies beside the output, in OUT.parts, until all is done:
         run the same command again after an interruption, and it goes on from there.
@@ -62,7 +68,7 @@ def join(
     quiet
         Print nothing but errors.
     """
-    from teamslam.cli.console import complain, pairs, say
+    from teamslam.cli.console import complain, pairs, progress_bar, say
     from teamslam.cli.options import workers_for
     from teamslam.cli.words import outcome
     from teamslam.config import Config
@@ -73,59 +79,83 @@ def join(
     refuse_to_overwrite(out, replace=force)
     if not maps:
         raise InputError("name the submap files to join, or folders of them")
-    admitted = admit(maps)
+    admitted = admit(maps, without=without or ())
     for refusal in admitted.refused:
         complain(f"refused: {refusal.name}: {refusal.reason}")
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
     crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
-    record = _joined(admitted, truth, crew, parts)
-    with whole_folder(out) as draft:
-        write_record(record, Config(), draft, figures=figures)
+    with progress_bar(quiet) as progress:
+        record = _joined(admitted, truth, crew, parts, ", ".join(map(str, maps)), progress)
+        progress("writing", 0, 0)
+        with whole_folder(out) as draft:
+            write_record(record, Config(), draft, figures=figures)
     if crew is not None:
         rmtree(parts)
     if not quiet:
-        pairs(f"{len(admitted.good)} submaps joined, {len(admitted.refused)} refused", outcome(record.report))
+        left = f", {len(admitted.left_out)} left out" if admitted.left_out else ""
+        pairs(f"{len(admitted.good)} submaps joined, {len(admitted.refused)} refused{left}", outcome(record.report))
         say(f"written: {out}")
     whole = record.report["converged"] and record.report["components"] == 1 and not admitted.refused
     return 0 if whole else 1
 
 
-def _joined(admitted: "Admission", truth: Path | None, workers: "Workers | None", parts: Path) -> "Record":
+def _joined(
+    admitted: "Admission",
+    truth: Path | None,
+    workers: "Workers | None",
+    parts: Path,
+    origin: str,
+    progress: "Progress",
+) -> "Record":
     """The run that joining these submaps is: what went in is what they hold."""
     from dataclasses import replace
-    from time import perf_counter
 
     from teamslam.cli.sources import truth_in
     from teamslam.config import Config
     from teamslam.joining import join as join_submaps
     from teamslam.metrics import score
     from teamslam.model import Dataset, robot_of
-    from teamslam.pipeline import Result
+    from teamslam.pipeline import Clock, Result
     from teamslam.results.record import Record
     from teamslam.solver import Covariances
 
-    began = perf_counter()
-    joined = join_submaps(admitted.good) if workers is None else _on_workers(admitted.good, workers, parts)
+    clock = Clock(progress)
+    if workers is None:
+        clock.start("joining submaps")
+        joined = join_submaps(admitted.good)
+    else:
+        joined = _on_workers(admitted.good, workers, parts, clock)
+    clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
-    raw = tuple(table for submap in admitted.good for table in submap.raw)
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
     robots = {int(robot_of(key)): 2 + kind for key, kind in poses.items()}
+    raw = tuple(_of_robots(table, robots) for submap in admitted.good for table in submap.raw)
     known = None if truth is None else truth_in(truth)
-    team = Dataset(robots, raw, joined.map.names, known)
+    team = Dataset(robots, raw, joined.map.names, known, origin=origin)
+    clock.start("score")
     report = None if known is None else score(joined.map, known, covariances=covariances[0])
-    seconds = {"joining submaps": perf_counter() - began}
-    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, report, seconds))
+    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, report, clock.stop()))
     marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
     held = {
         "poses": len(poses),
         "landmarks": len(marks),
         "refused": [{"name": r.name, "reason": r.reason} for r in admitted.refused],
+        "left_out": list(admitted.left_out),
     }
     return replace(record, report={**record.report, **held})
 
 
-def _on_workers(submaps: "Sequence[Submap]", workers: "Workers", parts: Path) -> "Joined":
+def _of_robots(table: "Table", robots: "Mapping[int, int]") -> "Table":
+    """The sightings of robots that are there; of others a submap may speak too."""
+    import numpy as np
+
+    from teamslam.model import robot_of
+
+    return table.select(np.asarray(np.isin(robot_of(table.keys), [0, *robots]).all(1)))
+
+
+def _on_workers(submaps: "Sequence[Submap]", workers: "Workers", parts: Path, clock: "Clock") -> "Joined":
     """The submaps joined by a tree whose files lie in `parts`, and from its estimate on at once."""
     from teamslam.io.arrays import write_submap
     from teamslam.net import gather, join_in_tree
@@ -133,7 +163,9 @@ def _on_workers(submaps: "Sequence[Submap]", workers: "Workers", parts: Path) ->
     files = [parts / "maps" / f"{number}.submap" for number in range(len(submaps))]
     for submap, file in zip(submaps, files, strict=True):
         write_submap(submap, file)
-    return gather(join_in_tree(files, parts, workers=workers))
+    tree = join_in_tree(files, parts, workers=workers, progress=clock.hear)
+    clock.start("joining submaps")
+    return gather(tree)
 
 
 def _pose_kinds(values: "Values") -> "zip[tuple[int, int]]":

@@ -9,7 +9,7 @@ team its good ones; among equals, the one with fewer measurements, then the late
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,17 +32,20 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class Admission:
-    """The submaps that go together, by base and id, and those that do not."""
+    """The submaps that go together, by base and id, those that do not, and the ids of those that nobody wanted."""
 
     good: tuple[Submap, ...]
     refused: tuple[Refusal, ...]
+    left_out: tuple[str, ...] = ()
 
 
-def admit(candidates: Iterable[Submap | str | Path]) -> Admission:
+def admit(candidates: Iterable[Submap | str | Path], *, without: Collection[str] = ()) -> Admission:
     """Sort submaps, submap files, folders of them and local maps of other programs (io.SUBMAP_FORMATS) into those that
     can be joined and those that are refused.
 
-    Of several versions of one id the newest is taken, which is no refusal. Never raises for a bad submap.
+    Of several versions of one id the newest is taken, which is no refusal. `without`: ids of submaps, and names of
+    robots whose submaps are all meant: as if these had never been there. Never raises for a bad submap; InputError for
+    a name in `without` that none of them bears.
     """
     sound: list[Submap] = []
     refused: list[Refusal] = []
@@ -52,10 +55,23 @@ def admit(candidates: Iterable[Submap | str | Path]) -> Admission:
         except TeamslamError as error:
             name = candidate.id if isinstance(candidate, Submap) else str(candidate)
             refused.append(Refusal(name, error.problem if isinstance(error, InputError) else str(error)))
-    newest, torn = _newest(sound)
+    wanted, left_out = _wanted(sound, without)
+    newest, torn = _newest(wanted)
     found = without_conflicts(newest)
     refused = sorted([*refused, *torn, *found.refused], key=lambda r: (r.name, r.reason))
-    return Admission(found.good, tuple(refused))
+    return Admission(found.good, tuple(refused), left_out)
+
+
+def _wanted(submaps: Sequence[Submap], without: Collection[str]) -> tuple[list[Submap], tuple[str, ...]]:
+    """The submaps that bear none of these names, and the ids of the others."""
+    names_of = [{s.id, *map(s.names.robot, s.robots)} for s in submaps]
+    known = sorted(set().union(*names_of))
+    for name in without:
+        if name not in known:
+            raise InputError(f"no submap and no robot is called '{name}'; there are: {', '.join(known)}")
+    gone = [not names.isdisjoint(without) for names in names_of]
+    left_out = {s.id for s, out in zip(submaps, gone, strict=True) if out}
+    return [s for s, out in zip(submaps, gone, strict=True) if not out], tuple(sorted(left_out))
 
 
 def _opened(candidate: Submap | Path) -> list[Submap]:

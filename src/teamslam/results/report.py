@@ -11,6 +11,7 @@ Its fields:
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team
     robots, poses, landmarks, dropped                         what went in
+    refused, left_out              of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of an exact join: how far from the full least squares, in how many rounds and bytes
 """
 
