@@ -47,6 +47,32 @@ def test_a_log_is_built_without_a_detour(teamslam, log: Path, tmp_path: Path) ->
     assert {s.version for s in read_submaps(tmp_path / "submaps")} == {4}
 
 
+def test_a_damaged_piece_is_refused_and_the_others_are_built(teamslam, log: Path, tmp_path: Path) -> None:
+    teamslam("split", log, "--out", tmp_path / "pieces")
+    first, *_ = sorted((tmp_path / "pieces").iterdir())
+    whole = first.read_bytes()
+    first.write_bytes(whole[:-9])
+    called = teamslam("build", tmp_path / "pieces", "--out", tmp_path / "submaps")
+    assert called.code == 1 and first.name in called.err and "its digest does not fit" in called.err
+    assert len(read_submaps(tmp_path / "submaps")) == 2
+    called = teamslam("build", first, "--out", tmp_path / "none")
+    assert called.code == 2 and "none of these pieces" in called.err and not (tmp_path / "none").exists()
+
+
+def test_a_step_too_early_or_too_late_says_which_command_is_meant(teamslam, log: Path, tmp_path: Path) -> None:
+    teamslam("split", log, "--out", tmp_path / "pieces")
+    teamslam("build", tmp_path / "pieces", "--out", tmp_path / "submaps")
+    early = teamslam("join", tmp_path / "pieces", "--out", tmp_path / "map")
+    late = teamslam("build", tmp_path / "submaps", "--out", tmp_path / "again")
+    assert (early.code, late.code) == (2, 2)
+    assert "`teamslam build`" in early.err and "`teamslam join`" in late.err
+
+
+def test_a_version_that_is_none_is_refused(teamslam, log: Path, tmp_path: Path) -> None:
+    called = teamslam("build", log, "--out", tmp_path / "submaps", "--version", -1)
+    assert called.code == 2 and "counted from 0" in called.err
+
+
 def test_bad_submaps_are_refused_with_the_reason_and_the_rest_is_joined(teamslam, log: Path, tmp_path: Path) -> None:
     teamslam("build", log, "--out", tmp_path / "submaps")
     first = sorted((tmp_path / "submaps").iterdir())[0]

@@ -18,7 +18,7 @@ def build(
     teamslam build pieces/1_robot_1.piece pieces/2_robot_1.piece --out robot-1
     ```
 
-    Exit codes: 0 done; 1 some submap could not be built (the others are written); 2 bad input or usage.
+    Exit codes: 0 done; 1 some piece was refused or gave no submap (the others are written); 2 bad input or usage.
 
     Parameters
     ----------
@@ -35,14 +35,20 @@ def build(
     """
     from teamslam.cli.console import complain, progress_bar, say
     from teamslam.cli.pieces import pieces_in
-    from teamslam.errors import SolveError
+    from teamslam.errors import InputError, SolveError
     from teamslam.io import write_submaps
     from teamslam.joining import build as build_submap
     from teamslam.results.folder import refuse_to_overwrite, whole_folder
 
     refuse_to_overwrite(out, replace=False)
-    pieces = pieces_in(inputs, format, poses_per_piece)
-    submaps, failed = [], 0
+    if version < 0:
+        raise InputError(f"versions of submaps are counted from 0, found {version}", field="version")
+    pieces, damaged = pieces_in(inputs, format, poses_per_piece)
+    for reason in damaged:
+        complain(f"refused: {reason}")
+    if not pieces:
+        raise InputError("none of these pieces can be built; see the reasons above")
+    submaps, failed = [], len(damaged)
     with progress_bar() as progress:
         for number, piece in enumerate(pieces, 1):
             progress("building submaps", number, len(pieces))

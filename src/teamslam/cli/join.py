@@ -74,11 +74,16 @@ def join(
     from teamslam.config import Config
     from teamslam.errors import InputError
     from teamslam.net import admit
+    from teamslam.net.pieces import piece_files
     from teamslam.results.folder import refuse_to_overwrite, whole_folder, write_record
 
     refuse_to_overwrite(out, replace=force)
     if not maps:
         raise InputError("name the submap files to join, or folders of them")
+    if piece_files(maps):
+        raise InputError(
+            "these are pieces of a log, not built yet; make submaps of them: `teamslam build`", path=maps[0]
+        )
     admitted = admit(maps, without=without or ())
     for refusal in admitted.refused:
         complain(f"refused: {refusal.name}: {refusal.reason}")

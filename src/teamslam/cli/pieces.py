@@ -24,16 +24,27 @@ def pieces_of(
     return split(dataset, poses_per_piece=options.poses_per_piece, heading_sigma=options.heading_sigma)
 
 
-def pieces_in(paths: Sequence[Path], format: str | None, poses_per_piece: int | None) -> "list[Dataset]":
-    """The pieces in files and folders of pieces; else of the one log that is named."""
+def pieces_in(
+    paths: Sequence[Path], format: str | None, poses_per_piece: int | None
+) -> "tuple[list[Dataset], list[str]]":
+    """The pieces in files and folders of pieces, with what is wrong with those that are damaged; else of the one log
+    that is named. InputError where there is nothing to build."""
     from teamslam.errors import InputError
+    from teamslam.io.arrays import sniff
     from teamslam.model import Dataset
     from teamslam.net.pieces import piece_files, read_piece
 
-    files = piece_files(paths)
-    if files:
-        contents = [read_piece(file).content for file in files]
-        return [content for content in contents if isinstance(content, Dataset)]
+    if files := piece_files(paths):
+        contents, damaged = [], []
+        for file in files:
+            try:
+                contents.append(read_piece(file).content)
+            except InputError as error:
+                damaged.append(str(error))
+        return [content for content in contents if isinstance(content, Dataset)], damaged
+    for path in paths:
+        if path.exists() and sniff(path):
+            raise InputError("these are submaps, already built; join them: `teamslam join`", path=path)
     if len(paths) != 1:
         raise InputError("give one log, or files or folders of pieces as `teamslam split` writes them")
-    return pieces_of(paths[0], format=format, poses_per_piece=poses_per_piece)
+    return pieces_of(paths[0], format=format, poses_per_piece=poses_per_piece), []
