@@ -3,6 +3,7 @@
 from teamslam.joining.build import build, build_alternatives, build_with_solution
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
 from teamslam.joining.exact import exact_join
+from teamslam.joining.exactness import with_exactness
 from teamslam.joining.full import full
 from teamslam.joining.join import Component, Exactness, Joined, join
 from teamslam.joining.orders import ORDERS, join_by_tree, join_sequentially
@@ -27,4 +28,5 @@ __all__ = [
     "join_sequentially",
     "separators",
     "split",
+    "with_exactness",
 ]
