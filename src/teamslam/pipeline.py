@@ -1,7 +1,7 @@
 """The whole story in one page, in the paper's order:
 
 split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
--> covariances -> score against the truth, where there is one
+-> how exact the join is -> covariances -> score against the truth, where there is one
 """
 
 import time
@@ -14,9 +14,9 @@ from typing import TypeVar
 
 from teamslam.config import Config
 from teamslam.errors import InputError
-from teamslam.joining import ORDERS, Joined, build, exact_join, full, split
+from teamslam.joining import ORDERS, Joined, build, exact_join, full, split, with_exactness
 from teamslam.metrics import Report, score
-from teamslam.model import Dataset, Submap
+from teamslam.model import Dataset, Sources, Submap
 from teamslam.net import Workers, gather, join_in_tree
 from teamslam.net.pieces import write_pieces
 from teamslam.solver import Covariances, Options
@@ -70,21 +70,32 @@ def run(
     clock = Clock(progress)
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     submaps: tuple[Submap, ...] = ()
+    pieces: list[Dataset] = []
     if config.method == "full":
         clock.start("full least squares")
         joined = full(log, options=config.solver)
     elif workers is not None:
-        submaps, joined = _on_workers(_pieces(log, config), workers, work, config.solver, clock)
+        pieces = _pieces(log, config)
+        submaps, joined = _on_workers(pieces, workers, work, config.solver, clock)
     else:
         pieces = _pieces(log, config)
         clock.start("building submaps", len(pieces))
         submaps = clock.each(build(piece, options=config.solver) for piece in pieces)
         if config.join.exact:
             clock.start("joining in rounds")
-            joined = exact_join(pieces, gap=config.join.gap, max_rounds=config.join.max_rounds, options=config.solver)
+            joined = exact_join(
+                pieces,
+                gap=config.join.gap,
+                max_rounds=config.join.max_rounds,
+                options=config.solver,
+                progress=lambda step: clock.tick(),
+            )
         else:
             clock.start("joining submaps")
             joined = ORDERS[config.join.order](submaps, options=config.solver)
+    if config.method == "join":
+        clock.start("exactness")
+        joined = with_exactness(joined, pairs(pieces, submaps))
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     clock.start("score")
@@ -94,6 +105,13 @@ def run(
 
 def _pieces(log: Dataset, config: Config) -> list[Dataset]:
     return split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
+
+
+def pairs(pieces: Iterable[Dataset], submaps: Iterable[Submap]) -> list[tuple[Dataset, Submap]]:
+    """Each piece with the submap that was built of it: the one whose sources are the piece's rows."""
+    of_sources = {submap.sources: submap for submap in submaps}
+    both = ((piece, of_sources.get(Sources.of(piece.tables))) for piece in pieces)
+    return [(piece, submap) for piece, submap in both if submap is not None]
 
 
 def _on_workers(
@@ -114,12 +132,19 @@ class Clock:
         self._progress = progress or (lambda stage, done, of: None)
         self._seconds: dict[str, float] = {}
         self._stage, self._of, self._began = "", 0, time.perf_counter()
+        self._done = 0
 
     def start(self, stage: str, of: int = 0) -> None:
         """End the stage before and start the next, of `of` parts (0: nobody knows)."""
         self.stop()
         self._stage, self._of, self._began = stage, of, time.perf_counter()
+        self._done = 0
         self._progress(stage, 0, of)
+
+    def tick(self) -> None:
+        """One part of the stage more is done."""
+        self._done += 1
+        self._progress(self._stage, self._done, self._of)
 
     def hear(self, stage: str, done: int, of: int) -> None:
         """A stage that tells its own progress."""
@@ -132,7 +157,7 @@ class Clock:
         done = []
         for part in parts:
             done.append(part)
-            self._progress(self._stage, len(done), self._of)
+            self.tick()
         return tuple(done)
 
     def stop(self) -> dict[str, float]:

@@ -26,7 +26,8 @@ def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Pa
     assert teamslam("split", log, "--out", tmp_path / "pieces", "--poses-per-piece", 8).code == 0
     assert teamslam("build", tmp_path / "pieces", "--out", tmp_path / "submaps").code == 0
     assert len(list((tmp_path / "pieces").iterdir())) == len(read_submaps(tmp_path / "submaps")) >= 6
-    called = teamslam("join", tmp_path / "submaps", "--out", tmp_path / "map", "--truth", log, "--no-figures")
+    beside = ["--truth", log, "--pieces", tmp_path / "pieces"]
+    called = teamslam("join", tmp_path / "submaps", "--out", tmp_path / "map", *beside, "--no-figures")
     assert called.code == 0 and "refused" in called.out
 
     (tmp_path / "options.toml").write_text("[split]\nposes_per_piece = 8\n")
@@ -38,6 +39,8 @@ def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Pa
     for field in ("robots", "poses", "landmarks", "dof", "components"):
         assert ours[field] == theirs[field], field
     assert ours["robot_position_rmse_m"] == pytest.approx(theirs["robot_position_rmse_m"], rel=1e-6)
+    assert ours["exactness"] == pytest.approx(theirs["exactness"], rel=1e-6)
+    assert ours["exactness"]["rounds"] == 1
     assert ours["refused"] == ours["left_out"] == []
     assert ours["input"] == str(tmp_path / "submaps")
 
@@ -122,7 +125,8 @@ def test_what_is_left_of_a_team_is_joined_though_others_saw_who_was_refused(
         (tmp_path / file.name).write_bytes(content[:-1] if file.name.startswith("2") else content)
     called = teamslam("join", tmp_path, "--out", tmp_path / "map", *workers)
     assert called.code == 1 and "refused" in called.err
-    assert json.loads((tmp_path / "map" / "report.json").read_text())["robots"] == 2
+    report = json.loads((tmp_path / "map" / "report.json").read_text())
+    assert report["robots"] == 2 and report["exactness"] is None
 
 
 def test_where_nothing_can_be_joined_nothing_is_written(teamslam, log: Path, tmp_path: Path) -> None:

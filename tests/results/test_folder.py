@@ -125,7 +125,10 @@ def test_a_report_holds_every_field_that_scripts_rely_on(record: Record) -> None
     for name in ("dof", "iterations", "components", "robots", "poses", "landmarks", "dropped"):
         assert isinstance(report[name], int) and not isinstance(report[name], bool)
     assert report["method"] == "join" and report["converged"] is True and report["status"].endswith(".")
-    assert report["components"] == 1 and report["reasons"] == [] and report["exactness"] is None
+    assert report["components"] == 1 and report["reasons"] == []
+    exactness = report["exactness"]
+    assert set(exactness) >= {"relative_cost_gap", "gradient_norm", "max_shift_sigma", "rounds", "bytes"}
+    assert 0.0 <= exactness["relative_cost_gap"] < 1.0 and exactness["rounds"] == 1 and exactness["bytes"] > 0
     assert report["robots"] == 3 and report["dropped"] == 0
     assert set(report["versions"]) == {"teamslam", "numpy", "scipy", "python"}
 

@@ -20,6 +20,7 @@ def join(
     *maps: Path,
     out: Path,
     truth: Path | None = None,
+    pieces: Path | None = None,
     without: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int | None = None,
     cluster: str | None = None,
@@ -36,6 +37,7 @@ def join(
     teamslam join submaps --out map
     teamslam join robot-1 robot-2 other/3_robot_3.submap --out map
     teamslam join submaps --out map --truth MRCLAM_Dataset6
+    teamslam join submaps --out map --pieces pieces
     teamslam join submaps --out map --without "robot 3"
     teamslam join submaps --out map --workers 8
     teamslam join VicPark_200_local_maps --out map
@@ -52,6 +54,9 @@ def join(
         The folder to write. It appears when everything in it is written, never half.
     truth
         A log that holds the truth, to score the map against.
+    pieces
+        The pieces of log that the submaps were built of (`teamslam split`): a folder of them, or a file. With them the
+        report says how far the map is from the full least squares on the same measurements.
     without
         A robot's name, whose submaps are all left out, or the id of one submap. May be given several times. The map is
         as if they had never been there.
@@ -90,8 +95,9 @@ def join(
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
     crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
+    origin = ", ".join(map(str, maps))
     with progress_bar(quiet) as progress:
-        record = _joined(admitted, truth, crew, parts, ", ".join(map(str, maps)), progress)
+        record = _joined(admitted, truth, pieces, crew, parts, origin, progress)
         progress("writing", 0, 0)
         with whole_folder(out) as draft:
             write_record(record, Config(), draft, figures=figures)
@@ -108,6 +114,7 @@ def join(
 def _joined(
     admitted: "Admission",
     truth: Path | None,
+    pieces: Path | None,
     workers: "Workers | None",
     parts: Path,
     origin: str,
@@ -116,12 +123,15 @@ def _joined(
     """The run that joining these submaps is: what went in is what they hold."""
     from dataclasses import replace
 
+    from teamslam.cli.console import complain
+    from teamslam.cli.pieces import pieces_in
     from teamslam.cli.sources import truth_in
     from teamslam.config import Config
     from teamslam.joining import join as join_submaps
+    from teamslam.joining import with_exactness
     from teamslam.metrics import score
     from teamslam.model import Dataset, robot_of
-    from teamslam.pipeline import Clock, Result
+    from teamslam.pipeline import Clock, Result, pairs
     from teamslam.results.record import Record
     from teamslam.solver import Covariances
 
@@ -131,6 +141,12 @@ def _joined(
         joined = join_submaps(admitted.good)
     else:
         joined = _on_workers(admitted.good, workers, parts, clock)
+    if pieces is not None:
+        clock.start("exactness")
+        logs, damaged = pieces_in([pieces], None, None)
+        for reason in damaged:
+            complain(f"no exactness: {reason}")
+        joined = with_exactness(joined, pairs(logs, admitted.good))
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}

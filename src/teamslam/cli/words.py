@@ -20,11 +20,22 @@ def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
     if report["dropped"]:
         rows.insert(3, ("dropped", f"{report['dropped']} rows; `teamslam info` says why"))
+    if report["method"] == "join":
+        rows.insert(2, ("exactness", exactness(report["exactness"])))
     rows[1:1] = [("ambiguous", sentence) for sentence in report.get("ambiguities", [])]
     if report["components"] > 1:
         rows.insert(1, ("components", f"{report['components']}: the team could not be joined into one map"))
         rows[2:2] = [("", reason) for reason in report["reasons"]]
     return rows
+
+
+def exactness(found: Mapping[str, Any] | None) -> str:
+    """How far a join is from the full least squares, or why nobody knows."""
+    if found is None:
+        return "unknown: the pieces of log are not at hand"
+    gap, shift = f"{found['relative_cost_gap']:.2g}", f"{found['max_shift_sigma']:.2g}"
+    rounds = "1 round" if found["rounds"] == 1 else f"{found['rounds']} rounds"
+    return f"{gap} of the cost above full least squares, {shift} sigma at most; {rounds}, {found['bytes']:,} bytes"
 
 
 def metres(value: float | None) -> str:

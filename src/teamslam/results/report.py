@@ -12,7 +12,10 @@ Its fields:
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team
     robots, poses, landmarks, dropped                         what went in
     refused, left_out              of a join of files: submaps that were refused, with the reason; those not wanted
-    exactness                      of an exact join: how far from the full least squares, in how many rounds and bytes
+    exactness                      of a join: how far it is from the full least squares on the same measurements (see
+                                   teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
+                                   squares itself, and where the pieces that submaps were built of are not at hand.
+                                   Of several components the worst, and the bytes of all
 """
 
 import platform
@@ -20,6 +23,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
+from teamslam.joining import Joined
 from teamslam.pipeline import Result
 
 ALONE = "One submap, nothing to join."
@@ -30,7 +34,7 @@ def report_of(result: Result) -> dict[str, Any]:
     """The report of a run, ready for JSON."""
     joined, dataset, score = result.joined, result.dataset, result.report
     maps = [c.map for c in joined.components]
-    solution, exactness = joined.components[0].solution, joined.components[0].exactness
+    solution = joined.components[0].solution
     return {
         "input": dataset.origin,
         "method": result.config.method,
@@ -53,9 +57,16 @@ def report_of(result: Result) -> dict[str, Any]:
         "landmarks": len(dataset.landmark_keys),
         "dropped": sum(d.count for d in dataset.dropped),
         "dropped_reasons": [{"count": d.count, "reason": d.reason} for d in dataset.dropped],
-        "exactness": asdict(exactness) if exactness else None,
+        "exactness": _exactness(joined),
         "submaps": len(result.submaps),
         "stages_s": dict(result.seconds),
         "seed": None,  # no step of a run draws random numbers
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
     }
+
+
+def _exactness(joined: Joined) -> dict[str, float] | None:
+    known = [asdict(c.exactness) for c in joined.components if c.exactness is not None]
+    if len(known) < len(joined.components):
+        return None
+    return {name: (sum if name == "bytes" else max)(each[name] for each in known) for name in known[0]}
