@@ -64,6 +64,8 @@ def test_help_loads_no_heavy_package() -> None:
         (["run", "nowhere", "--out", "y", "--method", "gues"], ["gues", "join, full"]),
         (["run", "nowhere", "--out", "y", "--loss", "hub"], ["hub", "huber"]),
         (["run", "nowhere", "--out", "y", "--loss-scale", "2"], ["--loss"]),
+        (["run", "nowhere", "--out", "y", "--gap", "1e-3"], ["--exact"]),
+        (["run", "nowhere", "--out", "y", "--exact", "--gap", "-1"], ["gap is above 0", "-1"]),
         (["run", "nowhere", "--out", "y", "--loss", "huber", "--loss-scale", "-2"], ["scale", "-2"]),
         (["run", "nowhere", "--out", "y", "--config", "none.toml"], ["none.toml"]),
     ],

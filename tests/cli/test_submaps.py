@@ -1,5 +1,6 @@
 """split, build, join: a log in pieces, pieces in submaps, submaps in a map; exchange: what sending them costs."""
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -43,6 +44,16 @@ def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Pa
     assert ours["exactness"]["rounds"] == 1
     assert ours["refused"] == ours["left_out"] == []
     assert ours["input"] == str(tmp_path / "submaps")
+
+
+def test_an_exact_run_stops_at_the_stated_gap(teamslam, log: Path, tmp_path: Path) -> None:
+    found = {}
+    for gap in ("1e-2", "1e-12"):
+        called = teamslam("run", log, "--out", tmp_path / gap, "--exact", "--gap", gap, "--no-figures")
+        assert called.code == 0
+        found[gap] = json.loads((tmp_path / gap / "report.json").read_text())["exactness"]
+        assert found[gap]["relative_cost_gap"] <= float(gap)
+    assert found["1e-2"]["rounds"] < found["1e-12"]["rounds"]
 
 
 def test_a_log_is_built_without_a_detour(teamslam, log: Path, tmp_path: Path) -> None:
@@ -154,6 +165,18 @@ def test_exchange_shows_every_link_and_none_dearer_than_raw(teamslam, log: Path,
             assert sent <= min(raw, sparse, partial, condensed)
     assert ("left out" in called.out) is ("--keyframe" in options)
     assert ("to the bit" in called.out) is ("--to-the-bit" in options)
+
+
+def test_the_ledger_holds_every_message_on_every_link(teamslam, log: Path, tmp_path: Path) -> None:
+    options = ["--topology", "all", "--poses-per-piece", 8, "--ledger", tmp_path / "messages.csv"]
+    called = teamslam("exchange", log, *options)
+    assert called.code == 0
+    with (tmp_path / "messages.csv").open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    total = next(line for line in called.out.splitlines() if line.lstrip().startswith("all"))
+    assert len(lines) == numbers(total)[0]
+    assert sum(int(line["bytes"]) for line in lines) == numbers(total)[-1]
+    assert len({(line["sender"], line["receiver"], line["submap"]) for line in lines}) == len(lines)
 
 
 def numbers(line: str) -> list[int]:

@@ -1,9 +1,14 @@
 """`teamslam exchange`: what each link of a team would cost, in every kind of message, before anything is sent."""
 
+import csv
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from teamslam.model import Names
+    from teamslam.net import Ledger
 
 
 def exchange(
@@ -18,6 +23,7 @@ def exchange(
     keyframe: int | None = None,
     poses_per_piece: int | None = None,
     format: str | None = None,
+    ledger: Path | None = None,
 ) -> int:
     """Show what the exchange of a team's submaps would cost: bytes on each link, by kind of message.
 
@@ -26,7 +32,7 @@ def exchange(
     ```
     teamslam exchange MRCLAM_Dataset6 --keyframe 50
     teamslam exchange my-team --topology all --shift 0.01
-    teamslam exchange my-team --to-the-bit
+    teamslam exchange my-team --to-the-bit --ledger messages.csv
     ```
 
     Kinds:
@@ -60,6 +66,8 @@ def exchange(
         Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry.
     format
         The format of the log, where it cannot be told from its looks.
+    ledger
+        Write every message on every link into this CSV file: who sends what to whom, in which kind, how many bytes.
     """
     from teamslam.cli.console import progress_bar, say, table
     from teamslam.cli.pieces import pieces_of
@@ -85,9 +93,21 @@ def exchange(
         rows.append([f"{names.robot(link[0])} to {names.robot(link[1])}", str(len(picks)), *cells, f"{cost:,}", picked])
     totals = [f"{found.ledger(kind).total:,}" for kind in KINDS]
     rows.append(["all", str(len(sent.lines)), *totals, f"{sent.total:,}", ""])
+    if ledger is not None:
+        _write_ledger(sent, names, ledger)
     table(f"{log}: bytes on each link", ["link", "messages", *KINDS, "sent", "as"], rows)
     worst = max((offer.pick.rounding.shift_sigma for offer in found.offers), default=0.0)
     say("to the bit" if to_the_bit else f"rounded: a message moves the map by at most {worst:.3f} sigma")
     if keyframe is not None and pieces[0].dropped:
         say(f"left out: {pieces[0].dropped[-1].count} {pieces[0].dropped[-1].reason}")
     return 0
+
+
+def _write_ledger(sent: "Ledger", names: "Names", path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file)
+        out.writerow(["sender", "receiver", "kind", "submap", "version", "bytes"])
+        for line in sent.lines:
+            out.writerow(
+                [names.robot(line.sender), names.robot(line.receiver), line.kind, line.id, line.version, line.bytes]
+            )

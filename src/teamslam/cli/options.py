@@ -14,10 +14,11 @@ def config_for(
     *,
     method: str | None = None,
     exact: bool = False,
+    gap: float | None = None,
     loss: str | None = None,
     loss_scale: float | None = None,
 ) -> "Config":
-    """The options of a run. InputError for unknown names, and for a scale that no loss goes with."""
+    """The options of a run. InputError for unknown names, and for a scale or a gap that nothing goes with."""
     from teamslam.config import Config, read_config
     from teamslam.errors import InputError
     from teamslam.model import Loss
@@ -27,6 +28,10 @@ def config_for(
         config = replace(config, method=method)
     if exact:
         config = replace(config, join=replace(config.join, exact=True))
+    if gap is not None:
+        if not config.join.exact:
+            raise InputError("--gap needs --exact (or exact = true in the options file)")
+        config = replace(config, join=replace(config.join, gap=gap))
     if loss is not None:
         return replace(config, loss=Loss(loss, 1.0 if loss_scale is None else loss_scale))
     if loss_scale is not None:

@@ -14,6 +14,7 @@ def run(
     out: Path,
     method: str | None = None,
     exact: Annotated[bool, Parameter(negative="")] = False,
+    gap: float | None = None,
     loss: str | None = None,
     loss_scale: float | None = None,
     config: Path | None = None,
@@ -31,6 +32,7 @@ def run(
     ```
     teamslam run MRCLAM_Dataset6 --out joined
     teamslam run MRCLAM_Dataset6 --out exact --exact
+    teamslam run MRCLAM_Dataset6 --out near --exact --gap 1e-6
     teamslam run MRCLAM_Dataset6 --out full --method full
     teamslam run my-team --out my-map --loss huber --loss-scale 2
     teamslam run my-team --out again --config my-map/config.toml
@@ -49,6 +51,8 @@ def run(
         join: submaps, then their join (the default). full: one least squares problem over all measurements.
     exact
         Join in rounds until the map is that of the full least squares, and report how far from it.
+    gap
+        With --exact: how much of the cost may still be to be gained. Without it 1e-15, which is as far as numbers go.
     loss
         Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader sets it.
     loss_scale
@@ -79,7 +83,7 @@ def run(
     from teamslam.results.folder import refuse_to_overwrite
 
     refuse_to_overwrite(out, replace=force)
-    options = config_for(config, method=method, exact=exact, loss=loss, loss_scale=loss_scale)
+    options = config_for(config, method=method, exact=exact, gap=gap, loss=loss, loss_scale=loss_scale)
     crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
     with progress_bar(quiet) as progress:
         progress("reading", 0, 0)

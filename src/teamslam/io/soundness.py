@@ -43,8 +43,8 @@ def check_table(table: Table) -> None:
     check_keys(table.keys)
     if len(table.ids) and table.ids.min() < 0:
         raise InputError(f"rows of a log are counted from 0, found {table.ids.min()}", field="ids")
-    if not table.row.unary and (robot_of(table.keys[:, 0]) < 1).any():
-        raise InputError(f"the {table.source} were not taken from a robot's pose", field="keys")
+    if not table.row.unary and (robot_of(table.keys[:, 0]) != table.robot).any():
+        raise InputError(f"the {table.source} of robot {table.robot} were not taken from its own poses", field="keys")
     if (table.keys[:, 0] == table.keys[:, -1]).any() and not table.row.unary:
         raise InputError(f"in the {table.source} a pose sees itself", field="keys")
     if table.sensor is not None:
