@@ -81,7 +81,7 @@ def test_one_submap_alone_is_exact() -> None:
     log = team("3d", robots=1, sigma=0.1, sigma_odometry=0.1)
     members = [(piece, build(piece)) for piece in split(log)]
     exactness = with_exactness(join([members[0][1]]), members).components[0].exactness
-    assert exactness is not None and exactness.relative_cost_gap < 1e-10
+    assert exactness is not None and exactness.relative_cost_gap < 1e-10 and exactness.bytes == 0
 
 
 def test_without_every_piece_nobody_knows() -> None:

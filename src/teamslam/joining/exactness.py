@@ -72,7 +72,7 @@ def _exactness(joined: Submap, members: Sequence[tuple[Dataset, Submap]]) -> Exa
         max_shift_sigma=float(_sigmas(step, system.free.dof_start, factor.marginals()).max(initial=0.0)),
         join_shift_sigma=0.0,
         rounds=1,
-        bytes=8 * numbers,
+        bytes=8 * numbers if len(members) > 1 else 0,
     )
 
 
