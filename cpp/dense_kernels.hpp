@@ -3,7 +3,7 @@
 //
 // A register tile of C, 4 * G rows by up to 4 columns, is loaded, updated over the whole inner dimension and stored
 // once. Small operands are read in place; packing pays only for larger ones. Vectors of four doubles map to one AVX
-// register, two SSE or NEON registers, or plain loops elsewhere.
+// register, two SSE or NEON registers, or plain loops elsewhere; with TEAMSLAM_WIDE, packed tiles have vectors of eight.
 #include <cmath>
 #include <limits>
 
@@ -14,18 +14,24 @@ namespace teamslam::TEAMSLAM_KERNEL {
 namespace {
 
 constexpr int64_t packed_columns = 32;  // columns of C taken at a time, their part of B packed
-constexpr int64_t depth_limit = 256;    // inner dimension taken at a time: a packed tile of A fits the first cache
-constexpr int64_t tile_rows = 4 * TEAMSLAM_TILE;
+// The inner dimension is taken in parts, so that a packed tile of A fits the first cache.
+#if defined(TEAMSLAM_WIDE)
+constexpr int64_t tile_rows = 24, depth_limit = 128;
+constexpr int strip_columns = 8;  // of a tile
+#else
+constexpr int64_t tile_rows = 4 * TEAMSLAM_TILE, depth_limit = 256;
+constexpr int strip_columns = 4;
+#endif
 
 // C -= A B with B(p, j) = b[p * b_inner + j * b_column]; if `lower`, A and C start at the same diagonal entry and only
 // tiles that reach the lower triangle are computed. Operands in place: for small matrices.
 template <bool lower>
 void product_in_place(int64_t rows, int64_t columns, int64_t inner, const double* a, int64_t a_leading,
                       const double* b, int64_t b_inner, int64_t b_column, double* c, int64_t c_leading) {
-  for (int64_t j = 0; j < columns; j += 4) {
-    with_columns(columns - j, [&]<int N>() {
-      over_rows(lower ? j : 0, rows, [&]<int G>(int64_t i) {
-        Tile<G, N> tile;
+  for (int64_t j = 0; j < columns; j += block_width<strip_columns>(columns - j)) {
+    with_columns<strip_columns>(columns - j, [&]<int N>() {
+      over_tiles(lower ? j : 0, rows, [&]<class V, int G>(int64_t i) {
+        Tile<G, N, V> tile;
         tile.read(c + i + j * c_leading, c_leading);
         tile.subtract(inner, a + i, a_leading, b + j * b_column, b_inner, b_column);
         tile.write(c + i + j * c_leading, c_leading);
@@ -44,26 +50,27 @@ void product_packed(int64_t rows, int64_t columns, int64_t inner, const double* 
     const int64_t depth = least(depth_limit, inner - p0);
     for (int64_t j0 = 0; j0 < columns; j0 += packed_columns) {
       const int64_t width = least(packed_columns, columns - j0);
-      for (int64_t j = 0; j < width; j += 4) {
-        const int64_t n = least(4, width - j);
+      for (int64_t j = 0, n = 0; j < width; j += n) {
+        n = block_width<strip_columns>(width - j);
         double* to = strips + j * depth;
         const double* from = b + p0 * b_inner + (j0 + j) * b_column;
         for (int64_t p = 0; p < depth; ++p) {
           for (int64_t q = 0; q < n; ++q) to[p * n + q] = from[p * b_inner + q * b_column];
         }
       }
-      over_rows(lower ? j0 : 0, rows, [&]<int G>(int64_t i) {
+      over_tiles(lower ? j0 : 0, rows, [&]<class V, int G>(int64_t i) {
+        constexpr int high = G * (sizeof(V) / sizeof(double));
         const double* from = a + i + p0 * a_leading;
         for (int64_t p = 0; p < depth; ++p) {
-          for (int g = 0; g < G; ++g) store(rows_packed + (p * G + g) * 4, load(from + p * a_leading + 4 * g));
+          for (int r = 0; r < high; r += 4) store(rows_packed + p * high + r, load(from + p * a_leading + r));
         }
-        const int64_t end = lower ? least(width, i + 4 * G - j0) : width;
-        for (int64_t j = 0; j < end; j += 4) {
-          with_columns(width - j, [&]<int N>() {
-            Tile<G, N> tile;
+        const int64_t end = lower ? least(width, i + high - j0) : width;
+        for (int64_t j = 0; j < end; j += block_width<strip_columns>(width - j)) {
+          with_columns<strip_columns>(width - j, [&]<int N>() {
+            Tile<G, N, V> tile;
             double* at = c + i + (j0 + j) * c_leading;
             tile.read(at, c_leading);
-            tile.subtract(depth, rows_packed, 4 * G, strips + j * depth, N, 1);
+            tile.subtract(depth, rows_packed, high, strips + j * depth, N, 1);
             tile.write(at, c_leading);
           });
         }

@@ -8,6 +8,9 @@ namespace {
 #if defined(__GNUC__) || defined(__clang__)
 typedef double Vector __attribute__((vector_size(32)));
 inline Vector broadcast(double x) { return Vector{x, x, x, x}; }
+#if defined(TEAMSLAM_WIDE)
+typedef double WideVector __attribute__((vector_size(64)));
+#endif
 #else
 struct Vector {
   double v[4];
@@ -31,32 +34,46 @@ inline Vector operator-(Vector a, Vector b) {
 inline int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
 inline int64_t most(int64_t a, int64_t b) { return a < b ? b : a; }
 
-inline Vector load(const double* p) {
-  Vector v;
+template <class V = Vector>
+inline V load(const double* p) {
+  V v;
   std::memcpy(&v, p, sizeof v);
   return v;
 }
-inline void store(double* p, Vector v) { std::memcpy(p, &v, sizeof v); }
+template <class V>
+inline void store(double* p, V v) {
+  std::memcpy(p, &v, sizeof v);
+}
+template <class V>
+inline V all(double x) {
+  if constexpr (sizeof(V) == sizeof(Vector)) {
+    return broadcast(x);
+  } else {
+    return V{x, x, x, x, x, x, x, x};
+  }
+}
 
-template <int G, int N>
+// G vectors of rows by N columns.
+template <int G, int N, class V = Vector>
 struct Tile {
-  Vector at[N][G];
+  static constexpr int lanes = sizeof(V) / sizeof(double);
+  V at[N][G];
 
   inline void read(const double* c, int64_t leading) {
     for (int j = 0; j < N; ++j)
-      for (int g = 0; g < G; ++g) at[j][g] = load(c + j * leading + 4 * g);
+      for (int g = 0; g < G; ++g) at[j][g] = load<V>(c + j * leading + lanes * g);
   }
   inline void write(double* c, int64_t leading) const {
     for (int j = 0; j < N; ++j)
-      for (int g = 0; g < G; ++g) store(c + j * leading + 4 * g, at[j][g]);
+      for (int g = 0; g < G; ++g) store(c + j * leading + lanes * g, at[j][g]);
   }
   inline void subtract(int64_t inner, const double* a, int64_t a_leading, const double* b, int64_t b_inner,
                        int64_t b_column) {
     for (int64_t p = 0; p < inner; ++p) {
-      Vector rows[G];
-      for (int g = 0; g < G; ++g) rows[g] = load(a + 4 * g);
+      V rows[G];
+      for (int g = 0; g < G; ++g) rows[g] = load<V>(a + lanes * g);
       for (int j = 0; j < N; ++j) {
-        const Vector x = broadcast(b[j * b_column]);
+        const V x = all<V>(b[j * b_column]);
         for (int g = 0; g < G; ++g) at[j][g] = at[j][g] - rows[g] * x;
       }
       a += a_leading;
@@ -102,10 +119,29 @@ inline void over_rows(int64_t begin, int64_t end, const Body& body) {
   for (; i < end; i += 4) body.template operator()<1>(i);
 }
 
-// Calls body.operator()<N>() with N the number of columns in a block, 1 .. 4.
+// The same with wide vectors, where there are, as long as tiles of them are full: body.operator()<V, G>(row).
 template <class Body>
+inline void over_tiles(int64_t begin, int64_t end, const Body& body) {
+  int64_t i = begin;
+#if defined(TEAMSLAM_WIDE)
+  for (; i + 24 <= end; i += 24) body.template operator()<WideVector, 3>(i);
+  for (; i + 8 <= end; i += 8) body.template operator()<WideVector, 1>(i);
+#endif
+  over_rows(i, end, [&]<int G>(int64_t row) { body.template operator()<Vector, G>(row); });
+}
+
+// How many of `columns` are taken together: `most` where there are as many, then 4, then the rest.
+template <int most>
+inline int64_t block_width(int64_t columns) {
+  return columns >= most ? most : columns >= 4 ? 4 : columns;
+}
+
+// Calls body.operator()<N>() with N the width of the next block of columns, 1 .. 4 or `most`.
+template <int most = 4, class Body>
 inline void with_columns(int64_t columns, const Body& body) {
-  if (columns >= 4) {
+  if (most > 4 && columns >= most) {
+    body.template operator()<most>();
+  } else if (columns >= 4) {
     body.template operator()<4>();
   } else if (columns == 3) {
     body.template operator()<3>();

@@ -1,6 +1,7 @@
 // Layout of the fronts: memory and the index maps of the numeric phase, all prepared once.
 #include <algorithm>
 #include <numeric>
+#include <span>
 
 #include "symbolic_steps.hpp"
 
@@ -9,7 +10,15 @@ namespace {
 
 constexpr int32_t none = -1;
 
-using Lists = std::vector<std::vector<int32_t>>;
+// Rows of every front, as positions, front after front.
+struct Rows {
+  std::vector<int64_t> start{0};
+  std::vector<int32_t> position;
+
+  std::span<const int32_t> of(size_t front) const {
+    return {position.data() + start[front], position.data() + start[front + 1]};
+  }
+};
 
 // Pivots, parents and children of every front.
 void lay_out_tree(Symbolic& s, const FrontTree& tree, const std::vector<int32_t>& visit,
@@ -25,12 +34,12 @@ void lay_out_tree(Symbolic& s, const FrontTree& tree, const std::vector<int32_t>
     Front& front = s.front[f];
     front = Front{};
     front.first_position = static_cast<int32_t>(s.order.size());
-    front.variables = static_cast<int32_t>(tree.pivots[t].size());
+    front.variables = static_cast<int32_t>(tree.pivots(t).size());
     front.columns = static_cast<int32_t>(tree.columns[t]);
     front.parent = tree.parent[t] == none ? none : place[tree.parent[t]];
     front.first_scalar = scalar;
     scalar += front.columns;
-    for (int32_t j : tree.pivots[t]) s.order.push_back(elimination.order[j]);
+    for (int32_t j : tree.pivots(t)) s.order.push_back(elimination.order[j]);
   }
   s.position.resize(s.order.size());
   for (size_t i = 0; i < s.order.size(); ++i) s.position[s.order[i]] = static_cast<int32_t>(i);
@@ -52,37 +61,38 @@ void lay_out_tree(Symbolic& s, const FrontTree& tree, const std::vector<int32_t>
   }
 }
 
-// Rows of every front, as positions: its own neighbours' and what its children pass on.
-Lists front_rows(const Symbolic& s, const Graph& graph) {
-  Lists rows(s.front.size());
+// A front's rows are its own neighbours and what its children pass on.
+Rows front_rows(const Symbolic& s, const Graph& graph) {
+  Rows rows;
   std::vector<int32_t> seen(s.order.size(), none);
   for (int32_t f = 0; f < static_cast<int32_t>(s.front.size()); ++f) {
     const Front& front = s.front[f];
     const int32_t end = front.first_position + front.variables;
-    auto& list = rows[f];
     const auto take = [&](int32_t p) {
       if (p < end || seen[p] == f) return;
       seen[p] = f;
-      list.push_back(p);
+      rows.position.push_back(p);
     };
     for (int32_t j = front.first_position; j < end; ++j) {
       const int32_t v = s.order[j];
       for (int64_t e = graph.start[v]; e < graph.start[v + 1]; ++e) take(s.position[graph.neighbour[e]]);
     }
     for (int64_t c = front.child_start; c < front.child_end; ++c) {
-      for (int32_t p : rows[s.child[c]]) take(p);
+      const int32_t child = s.child[c];
+      for (int64_t k = rows.start[child]; k < rows.start[child + 1]; ++k) take(rows.position[k]);
     }
-    std::sort(list.begin(), list.end());
+    std::sort(rows.position.begin() + rows.start.back(), rows.position.end());
+    rows.start.push_back(static_cast<int64_t>(rows.position.size()));
   }
   return rows;
 }
 
 // Sizes, panels, and each front's rows within its parent.
-void lay_out_fronts(Symbolic& s, const Lists& rows, const std::vector<int64_t>& scalar_at) {
+void lay_out_fronts(Symbolic& s, const Rows& rows, const std::vector<int64_t>& scalar_at) {
   for (size_t f = 0; f < s.front.size(); ++f) {
     Front& front = s.front[f];
     front.row_start = static_cast<int64_t>(s.row_scalar.size());
-    for (int32_t p : rows[f]) {
+    for (int32_t p : rows.of(f)) {
       for (int64_t i = scalar_at[p]; i < scalar_at[p + 1]; ++i) s.row_scalar.push_back(static_cast<int32_t>(i));
     }
     front.rows = static_cast<int32_t>(static_cast<int64_t>(s.row_scalar.size()) - front.row_start);
@@ -99,11 +109,11 @@ void lay_out_fronts(Symbolic& s, const Lists& rows, const std::vector<int64_t>& 
     if (front.parent == none) continue;
     const Front& parent = s.front[front.parent];
     const int32_t end = parent.first_position + parent.variables;
-    const auto& above = rows[front.parent];
+    const auto above = rows.of(static_cast<size_t>(front.parent));
     size_t at = 0;
     int32_t from = 0;
     int32_t below = parent.columns;  // scalar of above[at] in the parent
-    for (int32_t p : rows[f]) {
+    for (int32_t p : rows.of(f)) {
       int32_t to = 0;
       if (p < end) {
         to = static_cast<int32_t>(scalar_at[p] - parent.first_scalar);
@@ -126,7 +136,7 @@ void lay_out_fronts(Symbolic& s, const Lists& rows, const std::vector<int64_t>& 
 }
 
 // Where every pattern block goes.
-void lay_out_scatter(Symbolic& s, const BlockPattern& pattern, const Lists& rows,
+void lay_out_scatter(Symbolic& s, const BlockPattern& pattern, const Rows& rows,
                      const std::vector<int64_t>& scalar_at) {
   std::vector<int32_t> owner(s.order.size());
   for (size_t f = 0; f < s.front.size(); ++f) {
@@ -161,7 +171,7 @@ void lay_out_scatter(Symbolic& s, const BlockPattern& pattern, const Lists& rows
     const Front& front = s.front[f];
     const int32_t end = front.first_position + front.variables;
     int32_t at = 0;
-    for (int32_t p : rows[f]) {
+    for (int32_t p : rows.of(f)) {
       row_at[p] = at;
       at += static_cast<int32_t>(scalar_at[p + 1] - scalar_at[p]);
     }
@@ -199,7 +209,7 @@ Symbolic analyse(const BlockPattern& pattern, const Graph& graph, const Eliminat
     for (int32_t k = 0; k < pattern.dof[v]; ++k) s.natural_scalar.push_back(pattern.scalar_start[v] + k);
   }
   s.last_scalars = scalar_at[n] - scalar_at[n - last_count];
-  const Lists rows = front_rows(s, graph);
+  const Rows rows = front_rows(s, graph);
   lay_out_fronts(s, rows, scalar_at);
   lay_out_scatter(s, pattern, rows, scalar_at);
   lay_out_tasks(s);

@@ -1,6 +1,8 @@
 // The steps of `analyse`, between its files: elimination tree -> fronts -> layout -> tasks.
 #pragma once
 
+#include <span>
+
 #include "symbolic.hpp"
 
 namespace teamslam {
@@ -11,9 +13,13 @@ double front_time(double columns, double total);
 
 // The fronts as a tree: pivot positions of each, and its parent, children before parents.
 struct FrontTree {
-  std::vector<std::vector<int32_t>> pivots;  // positions in the elimination
-  std::vector<int32_t> parent;               // or -1
-  std::vector<int64_t> columns, total;       // scalar pivots, and scalars in all
+  std::vector<int32_t> pivot_start, pivot;  // positions in the elimination, front after front
+  std::vector<int32_t> parent;              // or -1
+  std::vector<int64_t> columns, total;      // scalar pivots, and scalars in all
+
+  std::span<const int32_t> pivots(int32_t front) const {
+    return {pivot.data() + pivot_start[front], pivot.data() + pivot_start[front + 1]};
+  }
 };
 
 // Joins columns into fronts; the `last_count` last variables make one front of their own.

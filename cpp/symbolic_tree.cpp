@@ -4,6 +4,7 @@
 // time says that the saved assembly outweighs the arithmetic on the zeros that it adds (relaxed amalgamation, after
 // Ashcraft and Grimes 1989). In SLAM graphs most fundamental fronts are one pose or landmark, so this matters much.
 #include <algorithm>
+#include <numeric>
 
 #include "symbolic_steps.hpp"
 
@@ -94,10 +95,14 @@ FrontTree join(const Fundamental& tree) {
     result.columns.push_back(tree.node[s].columns);
     result.total.push_back(tree.node[s].total);
   }
-  result.pivots.resize(result.parent.size());
+  result.pivot_start.assign(result.parent.size() + 1, 0);
+  for (int32_t s = 0; s < count; ++s) result.pivot_start[index[target[s]] + 1] += tree.first[s + 1] - tree.first[s];
+  std::partial_sum(result.pivot_start.begin(), result.pivot_start.end(), result.pivot_start.begin());
+  result.pivot.resize(static_cast<size_t>(result.pivot_start.back()));
+  std::vector<int32_t> next(result.pivot_start.begin(), result.pivot_start.end() - 1);
   for (int32_t s = 0; s < count; ++s) {
-    auto& list = result.pivots[index[target[s]]];
-    for (int32_t j = tree.first[s]; j < tree.first[s + 1]; ++j) list.push_back(j);
+    int32_t& to = next[index[target[s]]];
+    for (int32_t j = tree.first[s]; j < tree.first[s + 1]; ++j) result.pivot[to++] = j;
     if (target[s] == s && tree.node[s].parent != none) result.parent[index[s]] = index[target[tree.node[s].parent]];
   }
   return result;

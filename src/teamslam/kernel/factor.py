@@ -42,8 +42,8 @@ class Statistics:
 class Analysis:
     """What factors of one pattern have in common: the order of elimination and all indices. Made once, shared freely.
 
-    `ordering` is a name of ORDERINGS; positions (n, 3) help it from POSITIONS_HELP_FROM on. `last` names variables that are
-    eliminated last, in that order, for `Factor.eliminate`.
+    `ordering` is a name of ORDERINGS; positions (n, 3) help it from POSITIONS_HELP_FROM on. `last` names variables that
+    are eliminated last, in that order, for `Factor.eliminate`.
     """
 
     def __init__(
