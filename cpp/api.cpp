@@ -156,6 +156,10 @@ int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const dou
   return guarded<int32_t>(-1, [&] { return problem->problem.submap(handle).set(state, values, eta), 0; });
 }
 
+int32_t teamslam_set_homes(teamslam_problem* problem, const int64_t* home) {
+  return guarded<int32_t>(-1, [&] { return problem->problem.retraction().set_homes(home), 0; });
+}
+
 int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[3]) {
   return guarded<int32_t>(-1, [&] {
     problem->problem.freeze();
@@ -202,7 +206,7 @@ int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const doub
 }
 
 int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out) {
-  return guarded<int32_t>(-1, [&] { return problem->problem.retract(state, delta, out), 0; });
+  return guarded<int32_t>(-1, [&] { return problem->problem.retraction().move(state, delta, out), 0; });
 }
 
 teamslam_analysis* teamslam_analysis_new(int64_t variables, const int32_t* dof, const int64_t* column_start,

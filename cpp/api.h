@@ -60,6 +60,9 @@ TEAMSLAM_API int32_t teamslam_set_curved(teamslam_problem* problem, int64_t hand
 TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state,
                                          const double* values, const double* eta);
 
+/* home: the variable that carries each one when it is retracted, or -1 (retraction.hpp). */
+TEAMSLAM_API int32_t teamslam_set_homes(teamslam_problem* problem, const int64_t* home);
+
 /* Fixes the structure. sizes: free variables, blocks, numbers of the linear system. */
 TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[3]);
 TEAMSLAM_API void teamslam_pattern(const teamslam_problem* problem, int32_t* dof, int64_t* column_start, int32_t* row);

@@ -46,6 +46,13 @@ inline Pose<D> load_pose(const double* x) {
   return X;
 }
 
+template <int D>
+inline Pose<D> load_any_pose(Kind kind, const double* x) {
+  if constexpr (D == 3)
+    if (kind == Kind::pose3) return load_pose<3, Kind::pose3>(x);
+  return load_pose<D, Kind::pose2>(x);
+}
+
 // The point that a variable of kind K stands for in D dimensions: a pose's position, the shadow of a point in space.
 template <int D, Kind K>
 inline void load_point(const double* x, double (&p)[D]) {

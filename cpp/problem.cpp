@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "checks.hpp"
-#include "lie.hpp"
 #include "threads.hpp"
 
 namespace teamslam {
@@ -43,20 +42,28 @@ double sum_of(const std::vector<double>& numbers) {
   return sum;
 }
 
-}  // namespace
-
-Problem::Problem(int64_t variables, const int32_t* kinds_, const uint8_t* fixed) {
-  if (variables <= 0) refuse("a problem needs at least one variable");
-  variables_.offset.push_back(0);
-  for (int64_t v = 0; v < variables; ++v) {
+Variables variables_of(int64_t count, const int32_t* kinds_, const uint8_t* fixed) {
+  if (count <= 0) refuse("a problem needs at least one variable");
+  Variables variables;
+  variables.offset.push_back(0);
+  int32_t free = 0;
+  for (int64_t v = 0; v < count; ++v) {
     if (kinds_[v] < 0 || kinds_[v] >= kinds)
       refuse("variable ", v, " has kind ", kinds_[v], "; expected 0 pose2, 1 pose3, 2 point2 or 3 point3");
     const Kind kind = static_cast<Kind>(kinds_[v]);
-    variables_.kind.push_back(kind);
-    variables_.offset.push_back(variables_.offset.back() + numbers(kind));
-    variables_.free.push_back(fixed[v] ? held : static_cast<int32_t>(free_variables_.size()));
-    if (!fixed[v]) free_variables_.push_back(static_cast<int32_t>(v));
+    variables.kind.push_back(kind);
+    variables.offset.push_back(variables.offset.back() + numbers(kind));
+    variables.free.push_back(fixed[v] ? held : free++);
   }
+  return variables;
+}
+
+}  // namespace
+
+Problem::Problem(int64_t variables, const int32_t* kinds_, const uint8_t* fixed)
+    : variables_(variables_of(variables, kinds_, fixed)), retraction_(variables_) {
+  for (int64_t v = 0; v < variables; ++v)
+    if (!fixed[v]) free_variables_.push_back(static_cast<int32_t>(v));
 }
 
 void Problem::check_open() const {
@@ -162,42 +169,6 @@ double Problem::cost(const double* state, int threads) const {
     for (const auto& term : terms_) costs[chunk] += term->cost(chunk, state);
   });
   return sum_of(costs);
-}
-
-namespace {
-
-// R <- R Exp(w), brought back to the rotations by one Newton step, R (3 I - R'R) / 2, so that rounding never piles up.
-template <int D>
-void turn(const double* R, const double* w, double* out) {
-  double step[turn_dof(D)], rotation[D * D], start[D * D], turned[D * D], square[D * D];
-  bool still = true;
-  for (int i = 0; i < turn_dof(D); ++i) {
-    step[i] = w[i];
-    still = still && w[i] == 0.0;
-  }
-  if (still) return;
-  std::copy_n(R, D * D, start);
-  exp_rotation(step, rotation);
-  multiply<D>(start, rotation, turned);
-  multiply_transposed<D>(turned, turned, square);
-  for (int i = 0; i < D * D; ++i) square[i] = (i % (D + 1) == 0 ? 1.5 : 0.0) - 0.5 * square[i];
-  multiply<D>(turned, square, rotation);
-  std::copy_n(rotation, D * D, out);
-}
-
-}  // namespace
-
-void Problem::retract(const double* state, const double* delta, double* out) const {
-  std::copy_n(state, variables_.numbers(), out);
-  for (int32_t v : free_variables_) {
-    const Kind kind = variables_.kind[v];
-    const int D = dimension(kind);
-    double* x = out + variables_.offset[v];
-    for (int i = 0; i < D; ++i) x[i] += delta[i];
-    if (kind == Kind::pose2) turn<2>(x + D, delta + D, x + D);
-    if (kind == Kind::pose3) turn<3>(x + D, delta + D, x + D);
-    delta += dof(kind);
-  }
 }
 
 void Problem::check_state(const double* state) const {

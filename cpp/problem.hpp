@@ -7,6 +7,7 @@
 
 #include "block_matrix.hpp"
 #include "layout.hpp"
+#include "retraction.hpp"
 #include "submap_term.hpp"
 #include "table.hpp"
 #include "user_blocks.hpp"
@@ -41,8 +42,8 @@ class Problem {
   // Fills system = [values of H | g | working room] and returns the cost of all terms but the user's.
   double linearise(const double* state, const std::vector<UserLinearisation>& user, int threads, double* system);
   double cost(const double* state, int threads) const;
-  // x (+) delta; delta over the free variables.
-  void retract(const double* state, const double* delta, double* out) const;
+  // How x (+) delta is taken; delta over the free variables.
+  Retraction& retraction() { return retraction_; }
   // Throws unless every number is finite and every rotation is one.
   void check_state(const double* state) const;
 
@@ -54,6 +55,7 @@ class Problem {
   void place_terms(const std::vector<int64_t>& block_of_slot);
 
   Variables variables_;
+  Retraction retraction_;
   std::vector<int32_t> free_variables_;
   std::vector<std::unique_ptr<Term>> terms_;
   bool frozen_ = false;

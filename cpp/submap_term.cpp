@@ -105,9 +105,7 @@ Pose<D> frame_of(Kind kind, const double* x) {  // x null: the world
     for (int i = 0; i < D; ++i) identity.R[(D + 1) * i] = 1.0;
     return identity;
   }
-  if constexpr (D == 3)
-    if (kind == Kind::pose3) return load_pose<3, Kind::pose3>(x);
-  return load_pose<D, Kind::pose2>(x);
+  return load_any_pose<D>(kind, x);
 }
 
 // A variable's view of the frame and of the member, as Jacobians of the local estimate's residual.

@@ -17,7 +17,7 @@ import numpy as np
 
 from teamslam.errors import ModelError
 from teamslam.geometry import IntArray, Pose
-from teamslam.joining.carry import Carrier
+from teamslam.joining.carry import homes
 from teamslam.joining.place import Cluster, place, spread
 from teamslam.joining.triangulate import triangulate
 from teamslam.joining.world import anchor
@@ -153,8 +153,8 @@ def _join_from(
     usable, _ = usable_rows(raw, start.layout)
     start, fixed = anchor(start, members[0], usable)
     terms = [SubmapTerm.of(member) for member in members]
-    carrier = Carrier(start.layout, members)
-    system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, move=carrier.move)
+    carried = homes(start.layout, members)
+    system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, homes=carried)
     solution = optimise(system, convex_start(system, start, options), options, progress)
     return Component(joined_map(members, usable, solution, fixed, names), solution, ids)
 

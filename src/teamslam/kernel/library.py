@@ -41,6 +41,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "set_weights": (I, [P, L, A]),
     "set_curved": (I, [P, L, I]),
     "set_submap": (I, [P, L, A, A, A]),
+    "set_homes": (I, [P, A]),
     "freeze": (I, [P, A]),
     "pattern": (None, [P, A, A, A]),
     "linearise": (I, [P, A, L, A, A, A, A, A]),

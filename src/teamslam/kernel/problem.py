@@ -234,6 +234,14 @@ class Problem:
         self._blocks[handle] = (m, int(rows), int(DOFS[self._kinds[names[0]]].sum()))
         return handle
 
+    def set_homes(self, home: ArrayLike) -> None:
+        """Which pose carries each variable (n,) when a step is taken, -1 for none (cpp/retraction.hpp).
+
+        A home is a pose, not in space where the variable is planar; homes may have homes, but not in a circle.
+        """
+        with self._lock:
+            checked(library.set_homes(self._pointer, integers("homes", home, (len(self._kinds),))))
+
     # --- using ----------------------------------------------------------------------------------------------------
 
     @property
@@ -286,7 +294,8 @@ class Problem:
         return out
 
     def retract(self, state: ArrayLike, delta: ArrayLike) -> Floats:
-        """The state moved by delta (scalars,) over the free variables. Rotations are kept orthonormal to rounding."""
+        """The state moved by delta (scalars,) over the free variables, carried by homes where there are any. Rotations
+        are kept orthonormal to rounding."""
         x = self._state(state)
         step = floats("delta", delta, (self.pattern.scalars,))
         out = np.empty_like(x)

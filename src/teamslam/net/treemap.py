@@ -15,7 +15,7 @@ from teamslam.io.arrays import read_submap
 from teamslam.io.tum import write_trajectories
 from teamslam.io.whole import whole_file
 from teamslam.joining import Component, Joined
-from teamslam.joining.carry import Carrier
+from teamslam.joining.carry import homes
 from teamslam.joining.join import in_order, joined_map, usable_rows
 from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, robot_of
 from teamslam.model.values import rows_of
@@ -72,8 +72,8 @@ def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
         fixed = np.array([b for b in (component.map.base,) if b != WORLD], np.int64)
         names = members[0].names.merge(m.names for m in members[1:])
         terms = [SubmapTerm.of(member) for member in members]
-        move = Carrier(start.layout, members).move
-        system = System(start.layout, tables=raw, submaps=terms, fixed=fixed, names=names, move=move)
+        carried = homes(start.layout, members)
+        system = System(start.layout, tables=raw, submaps=terms, fixed=fixed, names=names, homes=carried)
         solution = optimise(system, start, options)
         whole = replace(joined_map(members, raw, solution, fixed, names), base_dim=component.map.base_dim)
         components.append(Component(whole, solution, component.members))

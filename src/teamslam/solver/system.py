@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from teamslam import kernel
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array
+from teamslam.geometry import AnyArray, Array, IntArray
 from teamslam.model import Layout, Loss, Names, Submap, Table, Values, pack
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
@@ -52,7 +52,8 @@ class Linearised:
 class System:
     """The problem over the variables of `layout`; those of `fixed` keep their value and have no unknowns.
 
-    `move(values, delta)`, delta over all unknowns, may replace the retraction by one that equals it to first order.
+    `homes` (n,), optional: the place in the layout of the pose that carries each variable when a step is taken, -1 for
+    none; to first order the step is the same.
     `tables` and `submaps` may only name variables of the layout; a submap whose base is not among them is written in
     the frame of the problem itself. Raises ModelError for unknown variables or kinds that do not fit.
     """
@@ -65,17 +66,19 @@ class System:
         submaps: Iterable[SubmapTerm] = (),
         fixed: AnyArray = (),  # type: ignore[assignment]
         names: Names | None = None,
-        move: Callable[[Values, Array], Values] | None = None,
+        homes: IntArray | None = None,
     ) -> None:
         self.layout = layout
         self.names = names or Names()
-        self._move = move
+        self._homes = homes
         self.tables = tuple(tables)
         self.submaps = tuple(submaps)
         held = np.zeros(len(layout), bool)
         held[layout.index(np.asarray(fixed, np.int64))] = True
         self.free = layout.select(~held)
         self._problem = kernel.Problem(layout.kinds.astype(np.int8), held)
+        if homes is not None:
+            self._problem.set_homes(homes)
         self._handles = [self._add_table(table) for table in self.tables]
         self._robust = [
             handle
@@ -117,11 +120,7 @@ class System:
         )
 
     def retract(self, values: Values, delta: Array) -> Values:
-        """values (+) delta over the free unknowns, or `move` of them where the problem was given one."""
-        if self._move is not None:
-            whole = np.zeros(self.layout.dof)
-            whole[self.layout.unknowns(self.free.keys)] = delta
-            return self._move(values, whole)
+        """values (+) delta over the free unknowns, carried by their homes."""
         return Values(values.layout, self._problem.retract(values.state, delta))
 
     def chi2(self, values: Values) -> float:
@@ -172,7 +171,7 @@ class System:
             t if t.loss.name in ("squared", "huber") else t.with_loss(Loss("huber", t.loss.scale)) for t in self.tables
         ]
         held = self.layout.keys[~self.free.contains(self.layout.keys)]
-        return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names, move=self._move)
+        return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names, homes=self._homes)
 
     # --- building -----------------------------------------------------------------------------------------------
 
