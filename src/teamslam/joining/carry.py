@@ -7,30 +7,26 @@ the same step; only the curve along which it is taken differs, and along it a su
 (cpp/retraction.hpp has the formula).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import Layout, Submap
+from teamslam.joining.stack import Stack
+from teamslam.model import Layout
 
 
-def homes(layout: Layout, submaps: Sequence[Submap]) -> IntArray:
+def homes(layout: Layout, stack: Stack) -> IntArray:
     """The place in `layout` of the pose that carries each variable (n,), -1 for none.
 
-    `submaps` in an order in which each one's base is known before it (as `place` gives them).
+    `stack`: submaps in an order in which each one's base is known before it (as `place` gives them).
     """
-    bases = np.array([s.base for s in submaps])
-    keys = np.concatenate([s.values.layout.keys for s in submaps])
-    places = layout.index(keys)
-    holder = np.repeat(np.arange(len(submaps)), [len(s.values) for s in submaps])
+    places, bases = layout.index(stack.keys), layout.index(stack.bases)
     # What lives in the plane is not carried by a frame in space.
     flat = layout.kinds[places] % 2 == 0
-    fits = ~flat | np.array([s.base_dim == 2 for s in submaps])[holder]
-    held, first = np.unique(places[fits], return_index=True)
+    fits = np.flatnonzero(~flat | (stack.base_dims == 2)[stack.holder])
     by = np.full(len(layout), -1)
-    by[held] = holder[fits][first]
+    by[places[fits[::-1]]] = stack.holder[fits[::-1]]  # the first one that holds it, written last, stays
     # A frame stands in a submap that comes before its own, so frames form a forest.
-    frames, own = np.unique(layout.index(bases), return_index=True)
-    by[frames] = np.where(by[frames] < own, by[frames], -1)
-    return np.where(by >= 0, layout.index(bases)[by], -1)
+    own = np.zeros(len(layout), np.int64)
+    own[bases[::-1]] = np.arange(len(bases))[::-1]
+    by[bases] = np.where(by[bases] < own[bases], by[bases], -1)
+    return np.where(by >= 0, bases[by], -1)

@@ -18,7 +18,9 @@ import numpy as np
 from teamslam.errors import ModelError
 from teamslam.geometry import IntArray, Pose
 from teamslam.joining.carry import homes
-from teamslam.joining.place import Cluster, place, spread
+from teamslam.joining.place import Cluster, place
+from teamslam.joining.spread import spread
+from teamslam.joining.stack import Stack
 from teamslam.joining.triangulate import triangulate
 from teamslam.joining.world import anchor
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
@@ -149,11 +151,12 @@ def _join_from(
     if len(members) == 1 and not raw:
         return Component(members[0], None, ids)
     names = members[0].names.merge(m.names for m in members[1:])
-    start = triangulate(spread(members, frames), raw)
+    stack = Stack.of(members)
+    start = triangulate(spread(stack, frames), raw)
     usable, _ = usable_rows(raw, start.layout)
     start, fixed = anchor(start, members[0], usable)
     terms = [SubmapTerm.of(member) for member in members]
-    carried = homes(start.layout, members)
+    carried = homes(start.layout, stack)
     system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, homes=carried)
     solution = optimise(system, convex_start(system, start, options), options, progress)
     return Component(joined_map(members, usable, solution, fixed, names), solution, ids)

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.geometry import IntArray, Pose
 from teamslam.joining.assemble import assemblies, freedom
 from teamslam.joining.link import Link, link
 from teamslam.joining.sketch import Sketch, known_keys, sketch_strand
-from teamslam.model import Kind, Names, Submap, Values, is_landmark, is_pose, pose_kind, robot_of, unpack
-from teamslam.model.values import KIND_SIZE
+from teamslam.joining.strands import strands_of
+from teamslam.model import Names, Submap, is_landmark, is_pose, robot_of
 
 BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
 TRUSS = 4  # clusters in a truss at most
@@ -56,7 +56,7 @@ class _Body:
 
 def place(submaps: Sequence[Submap]) -> Placement:
     """The frames of all submaps, by clusters. Law: with noise-free submaps every frame is exact."""
-    strands = [_strand(submaps, members) for members in strands_of(submaps)]
+    strands = strands_of(submaps)
     if len(strands) == 1:
         return Placement([Cluster(list(strands[0][0]), strands[0][1])])
     return _Placing(submaps, strands).placement()
@@ -255,96 +255,3 @@ def _why(submap: Submap, found: Link, sketch: Sketch, planar: bool) -> str:
         f"{'two more common landmarks' if loose == 3 else 'one more common landmark'} elsewhere, "
         f"or one sighting of a robot's pose, would join them"
     )
-
-
-# --- strands ------------------------------------------------------------------------------------------------------
-
-
-def strands_of(submaps: Sequence[Submap]) -> list[list[int]]:
-    """Submaps chained by boundary poses, each strand in an order in which every base but the first is known before."""
-    parent, _ = _holders(submaps)
-    strands: dict[int, list[int]] = {}
-    root_of: dict[int, int] = {}
-    for number in sorted(range(len(submaps)), key=lambda n: submaps[n].base):
-        root = root_of.get(int(parent[number]), number)
-        root_of[number] = root
-        strands.setdefault(root, []).append(number)
-    return list(strands.values())
-
-
-def _strand(submaps: Sequence[Submap], members: list[int]) -> tuple[list[int], list[Pose]]:
-    """The frames of a strand, in the frame of its first submap."""
-    chain = [submaps[number] for number in members]
-    kind = pose_kind(chain[0].base_dim)
-    parent, starts = _holders(chain)
-    state = np.concatenate([submap.values.state for submap in chain])
-    steps = unpack(state[starts[1:, None] + np.arange(kind.size)], kind)
-    assert isinstance(steps, Pose)
-    poses = concatenate([Pose.identity(kind.dim, (1,)), steps])
-    rotation, translation = poses.rotation, poses.translation
-    parent[0] = -1
-    while (parent >= 0).any():  # each round doubles how far up a frame is composed
-        below = np.flatnonzero(parent >= 0)
-        above = parent[below]
-        composed = Pose(rotation[above], translation[above]) @ Pose(rotation[below], translation[below])
-        rotation[below], translation[below] = composed.rotation, composed.translation
-        parent[below] = parent[above]
-    return members, list(map(Pose, rotation, translation))
-
-
-def _holders(submaps: Sequence[Submap]) -> tuple[IntArray, IntArray]:
-    """For each submap the first one that holds its base among its own robot's poses, or -1; and where that pose begins
-    in the states of all submaps, one after another."""
-    bases = np.array([submap.base for submap in submaps])
-    keys = np.concatenate([submap.values.layout.keys for submap in submaps])
-    sizes = KIND_SIZE[np.concatenate([submap.values.layout.kinds for submap in submaps])]
-    starts = np.cumsum(sizes) - sizes
-    holder = np.repeat(np.arange(len(submaps)), [len(submap.values) for submap in submaps])
-    own = np.flatnonzero(robot_of(keys) == robot_of(bases)[holder])
-    known, first = np.unique(keys[own], return_index=True)
-    if not len(known):
-        return np.full(len(bases), -1), np.full(len(bases), -1)
-    at = np.minimum(np.searchsorted(known, bases), len(known) - 1)
-    there = own[first[at]]
-    held = known[at] == bases
-    return np.where(held, holder[there], -1), np.where(held, starts[there], -1)
-
-
-# --- start values -------------------------------------------------------------------------------------------------
-
-
-def spread(submaps: Sequence[Submap], frames: Sequence[Pose]) -> Values:
-    """The start of a join: every variable where the first submap that knows it puts it.
-
-    A pose that one submap holds as planar and another as spatial is planar: the robot itself knows that it is on the
-    ground.
-    """
-    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {}
-    taken = np.zeros(0, np.int64)
-    for kind in Kind:
-        keys, things = _all_of(submaps, frames, kind)
-        rows = np.flatnonzero(~np.isin(keys, taken))
-        keys, first = np.unique(keys[rows], return_index=True)
-        if len(keys):
-            parts[kind] = (keys, things[rows[first]])
-        taken = np.concatenate([taken, keys])
-    return Values.of(parts)
-
-
-def _all_of(submaps: Sequence[Submap], frames: Sequence[Pose], kind: Kind) -> tuple[IntArray, Pose | Array]:
-    """All variables of one kind, base poses first, written in the common frame; keys may repeat."""
-    holders = [(s, f) for s, f in zip(submaps, frames, strict=True) if len(s.values.layout.keys_of(kind))]
-    keys = [s.values.layout.keys_of(kind) for s, _ in holders]
-    bases = [(s.base, f) for s, f in zip(submaps, frames, strict=True) if pose_kind(s.base_dim) == kind]
-    all_keys = np.concatenate([np.array([b for b, _ in bases], np.int64), *keys])
-    if not holders:
-        return all_keys, _stack([f.lift(kind.dim) for _, f in bases]) if bases else np.zeros((0, kind.dim))
-    local = unpack(np.concatenate([s.values.table(kind) for s, _ in holders]), kind)
-    common = _stack([f.lift(kind.dim) for _, f in holders])[np.repeat(np.arange(len(holders)), [len(k) for k in keys])]
-    if isinstance(local, Pose):
-        return all_keys, concatenate([*([_stack([f for _, f in bases])] if bases else []), common @ local])
-    return all_keys, common.act(local)
-
-
-def _stack(poses: Sequence[Pose]) -> Pose:
-    return Pose(np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))

@@ -17,6 +17,7 @@ from teamslam.io.whole import whole_file
 from teamslam.joining import Component, Joined
 from teamslam.joining.carry import homes
 from teamslam.joining.join import in_order, joined_map, usable_rows
+from teamslam.joining.stack import Stack
 from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, robot_of
 from teamslam.model.values import rows_of
 from teamslam.solver import Options, SubmapTerm, System, optimise
@@ -72,7 +73,7 @@ def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
         fixed = np.array([b for b in (component.map.base,) if b != WORLD], np.int64)
         names = members[0].names.merge(m.names for m in members[1:])
         terms = [SubmapTerm.of(member) for member in members]
-        carried = homes(start.layout, members)
+        carried = homes(start.layout, Stack.of(members))
         system = System(start.layout, tables=raw, submaps=terms, fixed=fixed, names=names, homes=carried)
         solution = optimise(system, start, options)
         whole = replace(joined_map(members, raw, solution, fixed, names), base_dim=component.map.base_dim)
