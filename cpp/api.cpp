@@ -8,6 +8,7 @@
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "checks.hpp"
@@ -30,6 +31,7 @@ struct teamslam_factor {
 namespace {
 
 using teamslam::BlockPattern;
+using teamslam::SubmapInput;
 
 thread_local std::string last_error;
 std::atomic<int32_t> threads{1};
@@ -61,6 +63,35 @@ BlockPattern pattern_of(int64_t variables, const int32_t* dof, const int64_t* co
       pattern.value_start.push_back(pattern.value_start.back() +
                                     static_cast<int64_t>(dof[pattern.row[k]]) * dof[c]);
   return pattern;
+}
+
+teamslam::Kind kind_of(int32_t number) {
+  if (number < 0 || number >= teamslam::kinds) teamslam::refuse("submap: a member has kind ", number);
+  return static_cast<teamslam::Kind>(number);
+}
+
+std::vector<int32_t> dofs_of(int64_t count, const int32_t* kind) {
+  std::vector<int32_t> dofs(count);
+  std::transform(kind, kind + count, dofs.begin(), [](int32_t number) { return teamslam::dof(kind_of(number)); });
+  return dofs;
+}
+
+// Where each of many submaps begins among all members, numbers of the state, and unknowns.
+struct SubmapStart {
+  int64_t member, number, unknown;
+};
+
+std::vector<SubmapStart> starts_of(int64_t count, const int64_t* members, const int32_t* kind) {
+  std::vector<SubmapStart> starts;
+  SubmapStart next{0, 0, 0};
+  for (int64_t k = 0; k < count; ++k) {
+    starts.push_back(next);
+    for (const int64_t end = next.member + members[k]; next.member < end; ++next.member) {
+      next.number += teamslam::numbers(kind_of(kind[next.member]));
+      next.unknown += teamslam::dof(kind_of(kind[next.member]));
+    }
+  }
+  return starts;
 }
 
 }  // namespace
@@ -103,38 +134,31 @@ int64_t teamslam_add_submap(teamslam_problem* problem, int64_t base, int64_t mem
                             const int32_t* kind, const double* state, const int64_t* column_start, const int32_t* row,
                             const double* values, const double* eta) {
   return guarded<int64_t>(-1, [&] {
-    return problem->problem.add_submap({base, members, member, kind, state, column_start, row, values, eta});
+    const auto input = [&](int64_t) {
+      BlockPattern pattern = pattern_of(members, dofs_of(members, kind).data(), column_start, row);
+      std::vector<double> information(values, values + pattern.size());
+      return SubmapInput{base, members, member, kind, state, eta, std::move(pattern), std::move(information)};
+    };
+    return problem->problem.add_submaps(1, input, 1);
   });
 }
 
 int64_t teamslam_add_submaps(teamslam_problem* problem, int64_t count, const int64_t* base, const int64_t* members,
                              const int64_t* member, const int32_t* kind, const double* state, const int64_t* start,
-                             const int32_t* column, const double* values, const double* eta, int64_t* sizes) {
+                             const int32_t* const* column, const double* const* values, const double* eta,
+                             int64_t* sizes) {
   return guarded<int64_t>(-1, [&] {
-    int64_t first = -1;
-    std::vector<double> blocks;
-    for (int64_t k = 0; k < count; ++k) {
-      std::vector<int32_t> dofs;
-      int64_t numbers = 0, unknowns = 0;
-      for (int64_t i = 0; i < members[k]; ++i) {
-        if (kind[i] < 0 || kind[i] >= teamslam::kinds) teamslam::refuse("submap: member ", i, " has kind ", kind[i]);
-        const auto which = static_cast<teamslam::Kind>(kind[i]);
-        dofs.push_back(teamslam::dof(which));
-        unknowns += dofs.back();
-        numbers += teamslam::numbers(which);
-      }
-      const BlockPattern pattern = teamslam::blocks_of({start, column, values}, dofs, blocks);
-      const int64_t handle = problem->problem.add_submap({base[k], members[k], member, kind, state,
-                                                          pattern.column_start.data(), pattern.row.data(),
-                                                          blocks.data(), eta});
-      if (k == 0) first = handle;
+    const std::vector<SubmapStart> starts = starts_of(count, members, kind);
+    const auto input = [&](int64_t k) {
+      const SubmapStart& at = starts[k];
+      std::vector<double> information;
+      BlockPattern pattern = teamslam::blocks_of({start + at.unknown + k, column[k], values[k]},
+                                                 dofs_of(members[k], kind + at.member), information);
       sizes[k] = pattern.size();
-      const int64_t entries = start[unknowns];
-      member += members[k], kind += members[k], state += numbers;
-      start += unknowns + 1, column += entries, values += entries;
-      if (eta != nullptr) eta += unknowns;
-    }
-    return first;
+      return SubmapInput{base[k], members[k], member + at.member, kind + at.member, state + at.number,
+                         eta == nullptr ? nullptr : eta + at.unknown, std::move(pattern), std::move(information)};
+    };
+    return problem->problem.add_submaps(count, input, threads);
   });
 }
 

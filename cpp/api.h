@@ -46,13 +46,13 @@ TEAMSLAM_API int64_t teamslam_add_submap(teamslam_problem* problem, int64_t base
                                          const int64_t* member, const int32_t* kind, const double* state,
                                          const int64_t* column_start, const int32_t* row, const double* values,
                                          const double* eta);
-/* Many submaps at once, their arrays one after another, the information by rows of scalars (sparse_rows.hpp): start has
- * one number more than the submap has unknowns, and begins with 0 for each. Returns the first handle, the others follow;
- * sizes: the stored values of each information. */
+/* Many submaps at once, their arrays one after another. The information is by rows of scalars (sparse_rows.hpp): start
+ * has one number more than the submap has unknowns, and begins with 0 for each; column and values point to each one's own.
+ * Returns the first handle, the others follow; sizes: the stored values of each information. */
 TEAMSLAM_API int64_t teamslam_add_submaps(teamslam_problem* problem, int64_t count, const int64_t* base,
                                           const int64_t* members, const int64_t* member, const int32_t* kind,
-                                          const double* state, const int64_t* start, const int32_t* column,
-                                          const double* values, const double* eta, int64_t* sizes);
+                                          const double* state, const int64_t* start, const int32_t* const* column,
+                                          const double* const* values, const double* eta, int64_t* sizes);
 TEAMSLAM_API int64_t teamslam_add_blocks(teamslam_problem* problem, int64_t count, int64_t keys, const int64_t* index,
                                          int64_t residual_rows);
 TEAMSLAM_API int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const double* weights);

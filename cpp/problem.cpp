@@ -1,9 +1,8 @@
 #include "problem.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cstddef>
-#include <new>
+#include <iterator>
 #include <utility>
 
 #include "checks.hpp"
@@ -16,25 +15,6 @@ namespace {
 // Multiplications in a chunk: about 0.2 ms, so that a chunk repays the handover to another thread.
 constexpr double chunk_work = 5e5;
 constexpr int32_t most_chunks = 64;
-
-// Runs body(chunk) for all chunks; whichever thread is idle takes the next. Throws if a chunk ran out of memory.
-template <class Body>
-void for_each_chunk(int32_t chunks, int threads, const Body& body) {
-  if (chunks == 1 || threads == 1) {
-    for (int32_t chunk = 0; chunk < chunks; ++chunk) body(chunk);
-    return;
-  }
-  std::atomic<int32_t> next{0};
-  std::atomic<bool> failed{false};
-  run_team(std::min<int>(threads, chunks), [&](Team&) {
-    try {
-      for (int32_t chunk = next++; chunk < chunks; chunk = next++) body(chunk);
-    } catch (const std::bad_alloc&) {
-      failed = true;
-    }
-  });
-  if (failed) throw std::bad_alloc();
-}
 
 double sum_of(const std::vector<double>& numbers) {
   double sum = 0.0;
@@ -76,10 +56,13 @@ int64_t Problem::add_table(const TableInput& input) {
   return static_cast<int64_t>(terms_.size()) - 1;
 }
 
-int64_t Problem::add_submap(const SubmapInput& input) {
+int64_t Problem::add_submaps(int64_t count, const std::function<SubmapInput(int64_t)>& input, int threads) {
   check_open();
-  terms_.push_back(std::make_unique<SubmapTerm>(variables_, input));
-  return static_cast<int64_t>(terms_.size()) - 1;
+  std::vector<std::unique_ptr<Term>> made(count);
+  share_out(count, threads, [&](int64_t i) { made[i] = std::make_unique<SubmapTerm>(variables_, input(i)); });
+  const int64_t first = static_cast<int64_t>(terms_.size());
+  std::move(made.begin(), made.end(), std::back_inserter(terms_));
+  return first;
 }
 
 int64_t Problem::add_blocks(int64_t count, int64_t keys, const int64_t* index, int64_t residual_rows) {
@@ -154,7 +137,7 @@ double Problem::linearise(const double* state, const std::vector<UserLinearisati
   std::vector<const UserBlocks*> user_blocks;
   for (const UserLinearisation& part : user) user_blocks.push_back(&blocks(part.handle));
   std::vector<double> costs(chunks_, 0.0);
-  for_each_chunk(chunks_, threads, [&](int32_t chunk) {
+  share_out(chunks_, threads, [&](int64_t chunk) {
     for (const auto& term : terms_) costs[chunk] += term->linearise(chunk, state, system);
     for (std::size_t i = 0; i < user.size(); ++i) user_blocks[i]->add(chunk, user[i].e, user[i].J, system);
   });
@@ -165,7 +148,7 @@ double Problem::linearise(const double* state, const std::vector<UserLinearisati
 
 double Problem::cost(const double* state, int threads) const {
   std::vector<double> costs(chunks_, 0.0);
-  for_each_chunk(chunks_, threads, [&](int32_t chunk) {
+  share_out(chunks_, threads, [&](int64_t chunk) {
     for (const auto& term : terms_) costs[chunk] += term->cost(chunk, state);
   });
   return sum_of(costs);

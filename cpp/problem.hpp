@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -27,7 +28,8 @@ class Problem {
   Problem(int64_t variables, const int32_t* kinds, const uint8_t* fixed);
 
   int64_t add_table(const TableInput& input);
-  int64_t add_submap(const SubmapInput& input);
+  // input(i) gives submap i, on any thread; the handles follow one another from the one returned.
+  int64_t add_submaps(int64_t count, const std::function<SubmapInput(int64_t)>& input, int threads);
   int64_t add_blocks(int64_t count, int64_t keys, const int64_t* index, int64_t residual_rows);
   Table& table(int64_t handle) { return find<Table>(handle, "table"); }
   SubmapTerm& submap(int64_t handle) { return find<SubmapTerm>(handle, "submap"); }

@@ -1,67 +1,101 @@
 #include "sparse_rows.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "checks.hpp"
 
 namespace teamslam {
 
-BlockPattern blocks_of(const SparseRows& rows, const std::vector<int32_t>& dof, std::vector<double>& values) {
+namespace {
+
+void check(const SparseRows& rows, int64_t scalars) {
+  if (rows.start[0] != 0) refuse("sparse matrix: its first row does not start at 0");
+  for (int64_t i = 0; i < scalars; ++i) {
+    const int64_t first = rows.start[i], end = rows.start[i + 1];
+    if (end < first) refuse("sparse matrix: row ", i, " ends before it starts");
+    if (end == first) continue;
+    int32_t falls = 0;
+    for (int64_t e = first + 1; e < end; ++e) falls |= rows.column[e] <= rows.column[e - 1];
+    if (falls) refuse("sparse matrix: the columns of row ", i, " do not rise");
+    if (rows.column[first] < 0 || rows.column[end - 1] >= scalars)
+      refuse("sparse matrix: row ", i, " has columns ", rows.column[first], " to ", rows.column[end - 1],
+             ", but there are ", scalars);
+  }
+}
+
+// Block columns of the lower triangle that each block row holds, the diagonal last: columns[start[r]] .. [start[r + 1]].
+struct BlockRows {
+  std::vector<int64_t> start;
+  std::vector<int32_t> column;
+};
+
+BlockRows block_rows_of(const SparseRows& rows, const BlockPattern& pattern, const std::vector<int32_t>& owner) {
+  const int32_t n = pattern.variables();
+  BlockRows found{{0}, {}};
+  std::vector<int32_t> seen(n, -1);
+  for (int32_t r = 0; r < n; ++r) {
+    for (int64_t i = pattern.scalar_start[r]; i < pattern.scalar_start[r + 1]; ++i)
+      for (int64_t e = rows.start[i]; e < rows.start[i + 1] && rows.column[e] < pattern.scalar_start[r]; ++e) {
+        const int32_t c = owner[rows.column[e]];
+        if (seen[c] == r) continue;
+        seen[c] = r;
+        found.column.push_back(c);
+      }
+    found.column.push_back(r);
+    found.start.push_back(static_cast<int64_t>(found.column.size()));
+  }
+  return found;
+}
+
+// Turns blocks listed by rows into columns, and says where the values of each lie.
+void place_by_columns(const BlockRows& blocks, BlockPattern& pattern) {
+  const int32_t n = pattern.variables();
+  pattern.column_start.assign(n + 1, 0);
+  for (int32_t c : blocks.column) ++pattern.column_start[c + 1];
+  for (int32_t c = 0; c < n; ++c) pattern.column_start[c + 1] += pattern.column_start[c];
+  pattern.row.resize(blocks.column.size());
+  std::vector<int64_t> next(pattern.column_start.begin(), pattern.column_start.end() - 1);
+  for (int32_t r = 0; r < n; ++r)
+    for (int64_t k = blocks.start[r]; k < blocks.start[r + 1]; ++k) pattern.row[next[blocks.column[k]]++] = r;
+  pattern.value_start.reserve(pattern.row.size() + 1);
+  pattern.value_start.assign(1, 0);
+  for (int32_t c = 0; c < n; ++c)
+    for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k)
+      pattern.value_start.push_back(pattern.value_start.back() +
+                                    static_cast<int64_t>(pattern.dof[pattern.row[k]]) * pattern.dof[c]);
+}
+
+}  // namespace
+
+BlockPattern blocks_of(const SparseRows& rows, std::vector<int32_t> dof, std::vector<double>& values) {
   BlockPattern pattern;
-  pattern.dof = dof;
+  pattern.dof = std::move(dof);
   const int32_t n = pattern.variables();
   std::vector<int32_t> owner;  // of each scalar
   pattern.scalar_start.push_back(0);
   for (int32_t v = 0; v < n; ++v) {
-    owner.insert(owner.end(), dof[v], v);
-    pattern.scalar_start.push_back(pattern.scalar_start.back() + dof[v]);
+    owner.insert(owner.end(), pattern.dof[v], v);
+    pattern.scalar_start.push_back(pattern.scalar_start.back() + pattern.dof[v]);
   }
-  const int64_t scalars = pattern.scalars();
-  if (rows.start[0] != 0) refuse("sparse matrix: its first row does not start at 0");
-  for (int64_t i = 0; i < scalars; ++i)
-    if (rows.start[i + 1] < rows.start[i]) refuse("sparse matrix: row ", i, " ends before it starts");
-  for (int64_t i = 0; i < scalars; ++i)
-    for (int64_t e = rows.start[i]; e < rows.start[i + 1]; ++e)
-      if (rows.column[e] < 0 || rows.column[e] >= scalars)
-        refuse("sparse matrix: row ", i, " has column ", rows.column[e], ", but there are ", scalars);
-
-  // Calls visit(row, column) for every block of the lower triangle once, row by row.
-  const auto for_each_block = [&](const auto& visit) {
-    std::vector<int32_t> seen(n, -1);
-    for (int32_t r = 0; r < n; ++r) {
-      seen[r] = r;
-      visit(r, r);
-      for (int64_t e = rows.start[pattern.scalar_start[r]]; e < rows.start[pattern.scalar_start[r + 1]]; ++e) {
-        const int32_t c = owner[rows.column[e]];
-        if (c >= r || seen[c] == r) continue;
-        seen[c] = r;
-        visit(r, c);
-      }
-    }
-  };
-  pattern.column_start.assign(n + 1, 0);
-  for_each_block([&](int32_t, int32_t c) { ++pattern.column_start[c + 1]; });
-  for (int32_t c = 0; c < n; ++c) pattern.column_start[c + 1] += pattern.column_start[c];
-  pattern.row.resize(pattern.column_start[n]);
-  std::vector<int64_t> next(pattern.column_start.begin(), pattern.column_start.end() - 1);
-  for_each_block([&](int32_t r, int32_t c) { pattern.row[next[c]++] = r; });
-  pattern.value_start.push_back(0);
-  for (int32_t c = 0; c < n; ++c)
-    for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k)
-      pattern.value_start.push_back(pattern.value_start.back() + static_cast<int64_t>(dof[pattern.row[k]]) * dof[c]);
+  check(rows, pattern.scalars());
+  const BlockRows blocks = block_rows_of(rows, pattern, owner);
+  place_by_columns(blocks, pattern);
 
   values.assign(pattern.size(), 0.0);
-  std::copy(pattern.column_start.begin(), pattern.column_start.end() - 1, next.begin());
-  std::vector<int32_t> reached(n, -1);  // the last row of which next[c] is the block
+  std::vector<int64_t> next(pattern.column_start.begin(), pattern.column_start.end() - 1);
+  std::vector<double*> target(pattern.scalars());  // where the entries of this block row and a scalar column begin
   for (int32_t r = 0; r < n; ++r) {
+    const int32_t height = pattern.dof[r];
+    for (int64_t k = blocks.start[r]; k < blocks.start[r + 1]; ++k) {
+      const int32_t c = blocks.column[k];
+      double* block = values.data() + pattern.value_start[next[c]++];
+      for (int32_t j = 0; j < pattern.dof[c]; ++j) target[pattern.scalar_start[c] + j] = block + height * j;
+    }
     const int64_t first = pattern.scalar_start[r], end = pattern.scalar_start[r + 1];
     for (int64_t i = first; i < end; ++i)
-      for (int64_t e = rows.start[i]; e < rows.start[i + 1]; ++e) {
-        const int32_t c = owner[rows.column[e]];
-        if (c > r) continue;
-        while (reached[c] < r) reached[c] = pattern.row[next[c]] < r ? pattern.row[++next[c]] : r;
-        values[pattern.value_start[next[c]] + (i - first) + (rows.column[e] - pattern.scalar_start[c]) * dof[r]] += rows.value[e];
-      }
+      for (int64_t e = rows.start[i]; e < rows.start[i + 1] && rows.column[e] < end; ++e)
+        target[rows.column[e]][i - first] = rows.value[e];
   }
   return pattern;
 }
@@ -87,8 +121,8 @@ void rows_of(const BlockPattern& pattern, const double* values, int64_t* start, 
   for_each_block([&](int32_t r, int32_t c, const double* block) {
     const int64_t at_r = pattern.scalar_start[r], at_c = pattern.scalar_start[c];
     const int32_t height = pattern.dof[r], width = pattern.dof[c];
-    for (int32_t j = 0; j < width; ++j)
-      for (int32_t i = 0; i < height; ++i) put(at_r + i, at_c + j, block[height * j + i]);
+    for (int32_t i = 0; i < height; ++i)
+      for (int32_t j = 0; j < width; ++j) put(at_r + i, at_c + j, block[height * j + i]);
     for (int32_t j = 0; j < width && r != c; ++j)
       for (int32_t i = 0; i < height; ++i) put(at_c + j, at_r + i, block[height * j + i]);
   });

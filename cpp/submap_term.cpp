@@ -155,37 +155,29 @@ struct SubmapTerm::Work {
   std::vector<double> X, Y;
 };
 
-SubmapTerm::SubmapTerm(const Variables& variables, const SubmapInput& input)
-    : variables_(variables), base_(static_cast<int32_t>(input.base)) {
+SubmapTerm::SubmapTerm(const Variables& variables, SubmapInput input)
+    : variables_(variables),
+      base_(static_cast<int32_t>(input.base)),
+      pattern_(std::move(input.pattern)),
+      values_(std::move(input.values)) {
   const int64_t count = variables.count();
   if (input.members <= 0) refuse("submap: it has no members");
   if (input.base < -1 || input.base >= count)
     refuse("submap: the base is variable ", input.base, ", but there are ", count, " (-1: the frame is the world's)");
-  if (base_ >= 0 && !is_pose(variables.kind[base_])) refuse("submap: the base is not a pose");
+  if (base_ >= 0 && !is_pose(variables_.kind[base_])) refuse("submap: the base is not a pose");
   check_members(input);
   int64_t numbers_so_far = 0;
-  pattern_.scalar_start.push_back(0);
+  members_.reserve(input.members);
   for (int64_t i = 0; i < input.members; ++i) {
     const Kind kind = static_cast<Kind>(input.kind[i]);
     members_.push_back({static_cast<int32_t>(input.member[i]), kind, numbers_so_far, 0, 0, held, 0});
     numbers_so_far += numbers(kind);
-    pattern_.dof.push_back(dof(kind));
-    pattern_.scalar_start.push_back(pattern_.scalar_start.back() + dof(kind));
   }
-  state_.resize(numbers_so_far);
-  check_pattern(input);
-  pattern_.column_start.assign(input.column_start, input.column_start + input.members + 1);
-  pattern_.row.assign(input.row, input.row + pattern_.column_start.back());
-  int64_t values = 0;
-  for (int64_t c = 0; c < input.members; ++c)
-    for (int64_t k = pattern_.column_start[c]; k < pattern_.column_start[c + 1]; ++k) {
-      pattern_.value_start.push_back(values);
-      values += static_cast<int64_t>(pattern_.dof[pattern_.row[k]]) * pattern_.dof[c];
-    }
-  pattern_.value_start.push_back(values);
-  values_.resize(values);
-  eta_.resize(pattern_.scalars());
-  set(input.state, input.values, input.eta);
+  check_pattern();
+  state_.assign(input.state, input.state + numbers_so_far);
+  eta_.assign(pattern_.scalars(), 0.0);
+  if (input.eta != nullptr) std::copy_n(input.eta, eta_.size(), eta_.data());
+  check_numbers(state_.data(), values_.data(), eta_.data());
 }
 
 void SubmapTerm::check_members(const SubmapInput& input) const {
@@ -208,19 +200,21 @@ void SubmapTerm::check_members(const SubmapInput& input) const {
   }
 }
 
-void SubmapTerm::check_pattern(const SubmapInput& input) const {
-  if (input.column_start[0] != 0) refuse("submap: the information's pattern does not start at block 0");
-  for (int64_t c = 0; c < input.members; ++c) {
-    const int64_t begin = input.column_start[c], end = input.column_start[c + 1];
-    if (end <= begin || input.row[begin] != c)
+void SubmapTerm::check_pattern() const {
+  const int64_t n = static_cast<int64_t>(members_.size());
+  if (pattern_.column_start[0] != 0) refuse("submap: the information's pattern does not start at block 0");
+  for (int64_t c = 0; c < n; ++c) {
+    const int64_t begin = pattern_.column_start[c], end = pattern_.column_start[c + 1];
+    if (pattern_.dof[c] != dof(members_[c].kind)) refuse("submap: the information does not fit member ", c);
+    if (end <= begin || pattern_.row[begin] != c)
       refuse("submap: column ", c, " of the information does not begin with its diagonal block");
     for (int64_t k = begin + 1; k < end; ++k)
-      if (input.row[k] <= input.row[k - 1] || input.row[k] >= input.members)
+      if (pattern_.row[k] <= pattern_.row[k - 1] || pattern_.row[k] >= n)
         refuse("submap: the rows of column ", c, " of the information do not rise within the members");
   }
 }
 
-void SubmapTerm::set(const double* state, const double* values, const double* eta) {
+void SubmapTerm::check_numbers(const double* state, const double* values, const double* eta) const {
   if (!all_finite(state, static_cast<int64_t>(state_.size())))
     refuse("submap: the state has a number that is not finite");
   if (!all_finite(values, static_cast<int64_t>(values_.size())))
@@ -232,6 +226,10 @@ void SubmapTerm::set(const double* state, const double* values, const double* et
     if (is_pose(members_[i].kind) && !is_rotation(state + members_[i].state + D, D))
       refuse("submap: the rotation of member ", i, " is none; expected T, then R row by row");
   }
+}
+
+void SubmapTerm::set(const double* state, const double* values, const double* eta) {
+  check_numbers(state, values, eta);
   std::copy_n(state, state_.size(), state_.data());
   std::copy_n(values, values_.size(), values_.data());
   if (eta)

@@ -21,19 +21,18 @@ namespace teamslam {
 struct SubmapInput {
   int64_t base;  // variable, or -1
   int64_t members;
-  const int64_t* member;        // variables
-  const int32_t* kind;          // of each local estimate
-  const double* state;          // local estimates, one after another
-  const int64_t* column_start;  // block pattern of I over the estimates' unknowns (block_matrix.hpp)
-  const int32_t* row;
-  const double* values;
-  const double* eta;  // or null: zero
+  const int64_t* member;      // variables
+  const int32_t* kind;        // of each local estimate
+  const double* state;        // local estimates, one after another
+  const double* eta;          // or null: zero
+  BlockPattern pattern;       // of I, over the estimates' unknowns
+  std::vector<double> values;  // of I
 };
 
 class SubmapTerm final : public Term {
  public:
-  // Checks and copies the input; throws std::invalid_argument.
-  SubmapTerm(const Variables& variables, const SubmapInput& input);
+  // Checks the input and takes it over; throws std::invalid_argument.
+  SubmapTerm(const Variables& variables, SubmapInput input);
 
   // New numbers on the same structure.
   void set(const double* state, const double* values, const double* eta);
@@ -57,7 +56,8 @@ class SubmapTerm final : public Term {
   int32_t owner() const;
   int32_t free_of(const Member& member) const { return variables_.free[member.variable]; }
   void check_members(const SubmapInput& input) const;
-  void check_pattern(const SubmapInput& input) const;
+  void check_pattern() const;
+  void check_numbers(const double* state, const double* values, const double* eta) const;
   double evaluate(const double* state, bool linearise, Work& work) const;
   void add_members(const Work& work, double* system) const;
   template <int d_b>

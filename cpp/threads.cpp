@@ -183,4 +183,24 @@ void run_team(int threads, const std::function<void(Team&)>& body) {
   body(alone);
 }
 
+void share_out(int64_t count, int threads, const std::function<void(int64_t)>& body) {
+  if (count <= 1 || threads <= 1) {
+    for (int64_t i = 0; i < count; ++i) body(i);
+    return;
+  }
+  std::atomic<int64_t> next{0};
+  std::mutex failing;
+  int64_t failed = count;
+  std::exception_ptr failure;
+  run_team(static_cast<int>(std::min<int64_t>(threads, count)), [&](Team&) {
+    for (int64_t i = next++; i < count; i = next++) try {
+        body(i);
+      } catch (...) {
+        const std::lock_guard<std::mutex> lock(failing);
+        if (i < failed) failed = i, failure = std::current_exception();
+      }
+  });
+  if (failure) std::rethrow_exception(failure);
+}
+
 }  // namespace teamslam

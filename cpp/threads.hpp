@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 
 namespace teamslam {
@@ -46,5 +47,9 @@ class Team {
 // Runs body on up to `threads` threads, the caller being member 0; returns when all who came have finished. What a
 // member throws is thrown again by the caller; a body that throws must not gather.
 void run_team(int threads, const std::function<void(Team&)>& body);
+
+// Runs body(i) for 0 <= i < count on up to `threads` threads; whichever is idle takes the next. Of what is thrown, the
+// caller gets that of the lowest i.
+void share_out(int64_t count, int threads, const std::function<void(int64_t)>& body);
 
 }  // namespace teamslam

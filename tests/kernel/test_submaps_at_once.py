@@ -60,8 +60,8 @@ def test_at_once_or_one_by_one_is_the_same_to_the_bit(sloped: bool) -> None:
         np.concatenate([p[1] for p in parts]),
         np.concatenate([p[2] for p in parts]),
         np.concatenate([m.indptr for m in rows]),
-        np.concatenate([m.indices for m in rows]),
-        np.concatenate([m.data for m in rows]),
+        [m.indices for m in rows],
+        [m.data for m in rows],
         np.concatenate([p[4] for p in parts]) if sloped else None,
     )
     assert handles == [0, 1, 2]
@@ -74,18 +74,21 @@ def test_at_once_or_one_by_one_is_the_same_to_the_bit(sloped: bool) -> None:
 def test_what_does_not_fit_is_refused() -> None:
     good = dict(
         bases=[-1], counts=[1], members=[3], kinds=[POINT2], state=[0.0, 0.0],
-        row_start=[0, 1, 2], columns=[0, 1], values=[1.0, 1.0],
+        row_start=[0, 1, 2], columns=[[0, 1]], values=[[1.0, 1.0]],
     )  # fmt: skip
     assert Problem(KINDS).add_submaps(**good) == [0]
     assert Problem(KINDS).add_submaps([], [], [], [], [], [], [], []) == []
     bad = [
         ("bases", [9]), ("counts", [0]), ("members", [77]), ("kinds", [POSE2]), ("kinds", [8]), ("state", [0.0]),
         ("state", [0.0, np.nan]), ("row_start", [1, 1, 2]), ("row_start", [0, 3, 2]), ("row_start", [0, 1]),
-        ("columns", [0, 2]), ("columns", [-1, 0]), ("values", [1.0]), ("values", [1.0, np.inf]),
+        ("columns", [[0, 2]]), ("columns", [[-1, 0]]), ("columns", [[0.0, 1.0]]), ("columns", []),
+        ("columns", [[0, 2**32 + 1]]), ("values", [[1.0]]), ("values", [[1.0, np.inf]]), ("values", [["a", "b"]]),
     ]  # fmt: skip
     for name, wrong in bad:
         with pytest.raises(ModelError):
             Problem(KINDS).add_submaps(**good | {name: wrong})
+    with pytest.raises(ModelError, match="do not rise"):
+        Problem(KINDS).add_submaps(**good | {"row_start": [0, 2, 2], "columns": [[1, 0]]})
 
 
 def test_blocks_become_sparse_rows() -> None:

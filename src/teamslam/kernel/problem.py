@@ -2,12 +2,12 @@
 
 import threading
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from teamslam.errors import ModelError
 from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
@@ -166,14 +166,15 @@ class Problem:
         kinds: ArrayLike,
         state: ArrayLike,
         row_start: ArrayLike,
-        columns: ArrayLike,
-        values: ArrayLike,
+        columns: Sequence[ArrayLike],
+        values: Sequence[ArrayLike],
         eta: ArrayLike | None = None,
     ) -> list[int]:
         """Many submaps at once, as `add_submap`, their arrays one after another; returns their handles.
 
         Submap k has base bases[k] and counts[k] members. Each information is sparse by rows of scalars, both triangles:
-        `row_start` is each submap's own, from 0 and one longer than its unknowns, then `columns` and `values`.
+        `row_start` is each submap's own, from 0 and one longer than its unknowns; columns[k] rise within a row, and
+        values[k] go with them.
         """
         frames = integers("submap bases", bases, (None,))
         number = integers("submap counts", counts, (len(frames),))
@@ -189,13 +190,11 @@ class Problem:
         unknowns = np.add.reduceat(DOFS[own_kinds], firsts)
         numbers = np.add.reduceat(NUMBERS[own_kinds], firsts)
         start = integers("submap row starts", row_start, (int(unknowns.sum()) + len(frames),))
-        entries = int(start[np.cumsum(unknowns + 1) - 1].sum())
-        place = integers("submap columns", columns, (entries,))
-        estimate, information, slope = _submap_arrays(
-            (int(numbers.sum()), entries, int(unknowns.sum())), state, values, eta
-        )
-        if entries and (place.min() < 0 or place.max() >= unknowns.max()):
-            raise ModelError(f"submap columns: found {place.min()} to {place.max()}, expected 0 to its unknowns")
+        entries = start[np.cumsum(unknowns + 1) - 1]
+        places = _pieces("submap columns", columns, entries, np.int32)
+        information = _pieces("submap values", values, entries, np.float64)
+        estimate = floats("submap state", state, (int(numbers.sum()),))
+        slope = None if eta is None else floats("submap eta", eta, (int(unknowns.sum()),))
         sizes = np.empty(len(frames), np.int64)
         first = checked(
             library.add_submaps(
@@ -207,8 +206,8 @@ class Problem:
                 own_kinds.astype(np.int32),
                 estimate,
                 start,
-                place.astype(np.int32),
-                information,
+                _addresses(places),
+                _addresses(information),
                 slope,
                 sizes,
             )
@@ -361,5 +360,26 @@ def _submap_arrays(
     )
 
 
-def _addresses(arrays: list[Floats]) -> NDArray[np.uintp]:
+def _pieces(name: str, given: Sequence[ArrayLike], lengths: Integers, dtype: DTypeLike) -> list[NDArray[Any]]:
+    """One array of each length, not copied where it is contiguous and of the `dtype` already."""
+    arrays = [
+        a if isinstance(a, np.ndarray) and a.dtype == dtype and a.flags.c_contiguous else _converted(name, a, dtype)
+        for a in given
+    ]
+    if [a.shape for a in arrays] != [(length,) for length in lengths.tolist()]:
+        raise ModelError(f"{name}: expected one array for each submap, as long as its row starts say")
+    return arrays
+
+
+def _converted(name: str, given: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
+    if dtype is np.float64:
+        return floats(name, given, (None,))
+    wide = integers(name, given, (None,))
+    narrow = wide.astype(dtype)
+    if not np.array_equal(wide, narrow):
+        raise ModelError(f"{name}: found numbers up to {np.abs(wide).max()}, which are too large")
+    return narrow
+
+
+def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.uintp]:
     return np.array([array.__array_interface__["data"][0] for array in arrays], np.uintp)

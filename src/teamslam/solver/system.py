@@ -201,7 +201,7 @@ class System:
         frames = np.full(len(terms), -1)
         frames[known] = self.layout.index(bases[known])
         layouts = [term.values.layout for term in terms]
-        matrices = [term.information for term in terms]
+        matrices = [_by_rising_columns(term.information) for term in terms]
         sloped = any(term.slope is not None for term in terms)
         slopes = [np.zeros(t.values.layout.dof) if t.slope is None else t.slope for t in terms] if sloped else None
         return self._problem.add_submaps(
@@ -211,8 +211,8 @@ class System:
             np.concatenate([layout.kinds for layout in layouts]),
             np.concatenate([term.values.state for term in terms]),
             np.concatenate([matrix.indptr for matrix in matrices]),
-            np.concatenate([matrix.indices for matrix in matrices]),
-            np.concatenate([matrix.data for matrix in matrices]),
+            [matrix.indices for matrix in matrices],
+            [matrix.data for matrix in matrices],
             None if slopes is None else np.concatenate(slopes),
         )
 
@@ -230,6 +230,14 @@ class System:
             cost = float(table.loss.cost(squared).sum())
             blocks[handle] = (error * root[:, None], jacobian * root[:, None, None], cost)
         return blocks
+
+
+def _by_rising_columns(matrix: sp.csr_array) -> sp.csr_array:
+    if matrix.has_canonical_format:
+        return matrix
+    rising = matrix.copy()
+    rising.sum_duplicates()
+    return rising
 
 
 Progress = Callable[[str, float], None]
