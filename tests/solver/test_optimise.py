@@ -1,6 +1,7 @@
 """The optimum against SciPy's least squares; every step rule reaches it; failures say what is wrong."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.optimize import least_squares
 
 from teamslam.errors import InputError, SolveError
 from teamslam.model import Dataset, Loss, Values
-from teamslam.solver import RULES, Covariances, Options, Status, System, optimise
+from teamslam.solver import RULES, Covariances, Factor, Options, Status, System, optimise
 from worlds import WORLDS, team
 
 
@@ -39,6 +40,28 @@ def test_every_rule_reaches_the_optimum(world: str, rule: str) -> None:
     assert solution.converged
     assert solution.cost == pytest.approx(least, rel=1e-9)
     np.testing.assert_allclose(solution.values.minus(where), 0.0, atol=1e-6)
+
+
+class Counting(Factor):
+    """A factor that knows how often it was made anew."""
+
+    made = 0
+
+    def factorise(self, *given: Any) -> None:
+        self.made += 1
+        super().factorise(*given)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("rule", RULES)
+def test_near_the_optimum_a_factor_serves_several_steps(world: str, rule: str) -> None:
+    _, system, start = problem(world, sigma=0.1)
+    factor = Counting(system.free, system.pattern)
+    solution = optimise(system, start, Options(rule=rule, decrement=1e-8, cost_share=0.0), factor=factor)
+    assert solution.status is Status.CONVERGED and solution.decrement <= 1e-8
+    assert factor.made < solution.iterations
+    near = [step.decrement for step in solution.history if step.decrement < 1.0]
+    assert all(b < a for a, b in itertools.pairwise(near))
 
 
 @pytest.mark.parametrize("rule", ["levenberg_marquardt", "dogleg"])

@@ -2,6 +2,9 @@
 
     repeat   linearise -> ask the rule for a step d -> try x (+) d -> tell the rule how well the model predicted
 
+Near the optimum H hardly changes any more, so there steps go on with the factor at hand (the chord method) while each
+of them shrinks the gradient tenfold.
+
 It stops on the Newton decrement sqrt(g' H^-1 g): the distance to the optimum of the model in sigmas, so that no
 variable, and no combination of them, is farther from the optimum than that many of its own standard deviations. That is
 a test on the gradient, in the only norm that knows the units; the cost alone never counts as convergence.
@@ -229,6 +232,7 @@ RULES: dict[str, Callable[[], Rule]] = {
 
 DEFAULTS = Options()
 _NEAR = 3.0  # [sigmas]
+_SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H nearly as it is
 _ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
@@ -254,15 +258,16 @@ def optimise(
     if factor is None:
         factor = system.factor(start)
     status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
-    floor, near, curved = 10.0 * system.rounding(start), _NEAR, False
+    floor, near, curved, settled = 10.0 * system.rounding(start), _NEAR, False, False
     while len(history) < options.max_iterations:
         try:
-            delta, predicted, full_step = rule.propose(factor, at)
+            again = _chord_step(factor, at, decrement) if settled else None
+            delta, predicted, full_step = again or rule.propose(factor, at)
         except SolveError:
             if not curved:
                 raise
             # The losses bend H out of shape: too far from the optimum for their curvature.
-            near, curved, at = 0.3 * near, False, system.linearise(values)
+            near, curved, settled, at = 0.3 * near, False, False, system.linearise(values)
             continue
         decrement = float(np.sqrt(max(predicted, 0.0))) if full_step else np.nan
         candidate = system.retract(values, delta)
@@ -298,9 +303,17 @@ def optimise(
         history.append(Step(at.cost, decrement, float(np.abs(delta).max()), rule.damping, accepted, _since(began)))
         if progress is not None:
             progress(history[-1])
+        settled = accepted and full_step and decrement < _SETTLED * np.sqrt(len(delta))
         if accepted:
             values, at = candidate, after
     return _solution(system, values, at, status, decrement, history)
+
+
+def _chord_step(factor: Factor, at: Linearised, before: float) -> tuple[Array, float, bool] | None:
+    """The full step, by the factor of the step before, where its decrement is a tenth of that step's at most."""
+    delta = factor.solve(at.gradient)
+    predicted = _dot(at.gradient, delta)
+    return (delta, predicted, True) if predicted < (0.1 * before) ** 2 else None
 
 
 def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> Values:
