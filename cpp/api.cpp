@@ -110,7 +110,7 @@ void teamslam_model_shape(int32_t model, int32_t dimension, int32_t shape[3]) {
 int32_t teamslam_sparse_rows(int64_t variables, const int32_t* dof, const int64_t* column_start, const int32_t* row,
                              const double* values, int64_t* start, int32_t* column, double* value) {
   return guarded<int32_t>(-1, [&] {
-    return teamslam::rows_of(pattern_of(variables, dof, column_start, row), values, start, column, value), 0;
+    return teamslam::rows_of(pattern_of(variables, dof, column_start, row), values, threads, start, column, value), 0;
   });
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "checks.hpp"
+#include "threads.hpp"
 
 namespace teamslam {
 
@@ -100,31 +101,67 @@ BlockPattern blocks_of(const SparseRows& rows, std::vector<int32_t> dof, std::ve
   return pattern;
 }
 
-void rows_of(const BlockPattern& pattern, const double* values, int64_t* start, int32_t* column, double* value) {
-  const auto for_each_block = [&](const auto& visit) {
-    for (int32_t c = 0; c < pattern.variables(); ++c)
-      for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k)
-        visit(pattern.row[k], c, values + pattern.value_start[k]);
+namespace {
+
+// The blocks left of the diagonal by block rows, in the order of their columns: the lower triangle, transposed.
+struct LeftBlocks {
+  std::vector<int64_t> start, block;
+  std::vector<int32_t> column;
+};
+
+LeftBlocks left_blocks_of(const BlockPattern& pattern) {
+  const int32_t n = pattern.variables();
+  LeftBlocks left{std::vector<int64_t>(n + 1, 0), std::vector<int64_t>(pattern.blocks() - n),
+                  std::vector<int32_t>(pattern.blocks() - n)};
+  for (int32_t r : pattern.row) ++left.start[r + 1];
+  for (int32_t r = 0; r < n; ++r) left.start[r + 1] += left.start[r] - 1;  // without the diagonal block
+  std::vector<int64_t> next(left.start.begin(), left.start.end() - 1);
+  for (int32_t c = 0; c < n; ++c)
+    for (int64_t k = pattern.column_start[c] + 1; k < pattern.column_start[c + 1]; ++k) {
+      const int64_t place = next[pattern.row[k]]++;
+      left.block[place] = k, left.column[place] = c;
+    }
+  return left;
+}
+
+void start_rows(const BlockPattern& pattern, const LeftBlocks& left, int64_t* start) {
+  start[0] = 0;
+  for (int32_t r = 0; r < pattern.variables(); ++r) {
+    int64_t length = 0;
+    for (int64_t k = left.start[r]; k < left.start[r + 1]; ++k) length += pattern.dof[left.column[k]];
+    for (int64_t k = pattern.column_start[r]; k < pattern.column_start[r + 1]; ++k) length += pattern.dof[pattern.row[k]];
+    for (int64_t i = pattern.scalar_start[r]; i < pattern.scalar_start[r + 1]; ++i) start[i + 1] = start[i] + length;
+  }
+}
+
+}  // namespace
+
+void rows_of(const BlockPattern& pattern, const double* values, int threads, int64_t* start, int32_t* column,
+             double* value) {
+  const LeftBlocks left = left_blocks_of(pattern);
+  start_rows(pattern, left, start);
+  // Row i of variable r: `width` numbers from `first` on, `stride` apart, are those of variable c.
+  const auto write_row = [&](int32_t r, int32_t i) {
+    int64_t next = start[pattern.scalar_start[r] + i];
+    const auto append = [&](int32_t c, const double* first, int32_t stride) {
+      for (int32_t j = 0; j < pattern.dof[c]; ++j, ++next) {
+        column[next] = static_cast<int32_t>(pattern.scalar_start[c] + j);
+        value[next] = first[stride * j];
+      }
+    };
+    const int32_t height = pattern.dof[r];
+    for (int64_t k = left.start[r]; k < left.start[r + 1]; ++k)
+      append(left.column[k], values + pattern.value_start[left.block[k]] + i, height);
+    const int64_t diagonal = pattern.column_start[r];
+    append(r, values + pattern.value_start[diagonal] + i, height);
+    for (int64_t k = diagonal + 1; k < pattern.column_start[r + 1]; ++k)
+      append(pattern.row[k], values + pattern.value_start[k] + pattern.dof[pattern.row[k]] * i, 1);
   };
-  std::fill_n(start, pattern.scalars() + 1, 0);
-  for_each_block([&](int32_t r, int32_t c, const double*) {
-    for (int32_t i = 0; i < pattern.dof[r]; ++i) start[pattern.scalar_start[r] + i + 1] += pattern.dof[c];
-    for (int32_t j = 0; j < pattern.dof[c] && r != c; ++j) start[pattern.scalar_start[c] + j + 1] += pattern.dof[r];
-  });
-  for (int64_t i = 0; i < pattern.scalars(); ++i) start[i + 1] += start[i];
-  // A row gets its blocks left of the diagonal from the columns before it, then the others from its own column.
-  std::vector<int64_t> next(start, start + pattern.scalars());
-  const auto put = [&](int64_t row, int64_t where, double number) {
-    column[next[row]] = static_cast<int32_t>(where);
-    value[next[row]++] = number;
-  };
-  for_each_block([&](int32_t r, int32_t c, const double* block) {
-    const int64_t at_r = pattern.scalar_start[r], at_c = pattern.scalar_start[c];
-    const int32_t height = pattern.dof[r], width = pattern.dof[c];
-    for (int32_t i = 0; i < height; ++i)
-      for (int32_t j = 0; j < width; ++j) put(at_r + i, at_c + j, block[height * j + i]);
-    for (int32_t j = 0; j < width && r != c; ++j)
-      for (int32_t i = 0; i < height; ++i) put(at_c + j, at_r + i, block[height * j + i]);
+  constexpr int64_t share = 128;  // variables
+  share_out((pattern.variables() + share - 1) / share, threads, [&](int64_t part) {
+    const int64_t end = std::min<int64_t>(pattern.variables(), share * (part + 1));
+    for (int64_t r = share * part; r < end; ++r)
+      for (int32_t i = 0; i < pattern.dof[r]; ++i) write_row(static_cast<int32_t>(r), i);
   });
 }
 

@@ -19,6 +19,7 @@ struct SparseRows {
 BlockPattern blocks_of(const SparseRows& rows, std::vector<int32_t> dof, std::vector<double>& values);
 
 // Both triangles by rows, columns rising: start (scalars + 1), column and value (all blocks, those off the diagonal twice).
-void rows_of(const BlockPattern& pattern, const double* values, int64_t* start, int32_t* column, double* value);
+void rows_of(const BlockPattern& pattern, const double* values, int threads, int64_t* start, int32_t* column,
+             double* value);
 
 }  // namespace teamslam
