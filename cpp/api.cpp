@@ -220,6 +220,8 @@ int32_t teamslam_cost(teamslam_problem* problem, const double* state, double* co
   });
 }
 
+double teamslam_sharpest(const teamslam_problem* problem) { return problem->problem.sharpest(); }
+
 int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const double* state, double* whitened) {
   return guarded<int32_t>(-1, [&] {
     problem->problem.check_state(state);

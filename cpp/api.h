@@ -72,6 +72,8 @@ TEAMSLAM_API int32_t teamslam_linearise(teamslam_problem* problem, const double*
                                         const int64_t* handles, const double* const* e, const double* const* J,
                                         double* system, double* cost);
 TEAMSLAM_API int32_t teamslam_cost(teamslam_problem* problem, const double* state, double* cost);
+/* The most information that any submap has on one number. */
+TEAMSLAM_API double teamslam_sharpest(const teamslam_problem* problem);
 TEAMSLAM_API int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const double* state,
                                         double* whitened);
 TEAMSLAM_API int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out);

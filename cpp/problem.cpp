@@ -154,6 +154,12 @@ double Problem::cost(const double* state, int threads) const {
   return sum_of(costs);
 }
 
+double Problem::sharpest() const {
+  double most = 0.0;
+  for (const auto& term : terms_) most = std::max(most, term->sharpest());
+  return most;
+}
+
 void Problem::check_state(const double* state) const {
   const bool finite = all_finite(state, variables_.numbers());
   for (int64_t v = 0; v < variables_.count(); ++v) {

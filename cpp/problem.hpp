@@ -44,6 +44,8 @@ class Problem {
   // Fills system = [values of H | g | working room] and returns the cost of all terms but the user's.
   double linearise(const double* state, const std::vector<UserLinearisation>& user, int threads, double* system);
   double cost(const double* state, int threads) const;
+  // The most information that any submap has on one number of its estimate.
+  double sharpest() const;
   // How x (+) delta is taken; delta over the free variables.
   Retraction& retraction() { return retraction_; }
   // Throws unless every number is finite and every rotation is one.

@@ -376,4 +376,14 @@ double SubmapTerm::cost(int32_t chunk, const double* state) const {
   return evaluate(state, false, work);
 }
 
+// No entry of a positive matrix is larger than the largest of its diagonal.
+double SubmapTerm::sharpest() const {
+  double most = 0.0;
+  for (int32_t c = 0; c < pattern_.variables(); ++c) {
+    const double* diagonal = values_.data() + pattern_.value_start[pattern_.column_start[c]];
+    for (int32_t i = 0; i < pattern_.dof[c]; ++i) most = std::max(most, diagonal[(pattern_.dof[c] + 1) * i]);
+  }
+  return most;
+}
+
 }  // namespace teamslam

@@ -43,6 +43,7 @@ class SubmapTerm final : public Term {
   void place(int32_t chunk, Layout& layout) override;
   double linearise(int32_t chunk, const double* state, double* system) const override;
   double cost(int32_t chunk, const double* state) const override;
+  double sharpest() const override;
 
  private:
   struct Member {

@@ -26,6 +26,9 @@ class Term {
   // Adds this chunk's part of H and g to the system; both return its part of the cost.
   virtual double linearise(int32_t chunk, const double* state, double* system) const = 0;
   virtual double cost(int32_t chunk, const double* state) const = 0;
+
+  // The most information that it has on any one number; 0 where that is not its business.
+  virtual double sharpest() const { return 0.0; }
 };
 
 }  // namespace teamslam

@@ -102,3 +102,12 @@ def test_blocks_become_sparse_rows() -> None:
     assert rows.has_canonical_format
     with pytest.raises(ModelError):
         pattern.sparse_rows(numbers[1:])
+
+
+def test_the_sharpest_number_is_on_a_diagonal() -> None:
+    problem = Problem(KINDS)
+    assert problem.sharpest() == 0.0
+    for most in (4.0, 9.0, 1.0):
+        matrix = np.array([[1.0, -0.5], [-0.5, most]])
+        problem.add_submap(-1, [3], [POINT2], [0.0, 0.0], *blocks(matrix, np.array([2])))
+    assert problem.sharpest() == 9.0

@@ -46,6 +46,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "pattern": (None, [P, A, A, A]),
     "linearise": (I, [P, A, L, A, A, A, A, A]),
     "cost": (I, [P, A, A]),
+    "sharpest": (D, [P]),
     "residuals": (I, [P, L, A, A]),
     "retract": (I, [P, A, A, A]),
     "analysis_new": (P, [L, A, A, A, I, A, A, I]),

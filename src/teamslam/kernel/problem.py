@@ -284,6 +284,11 @@ class Problem:
             checked(library.cost(self._pointer, x, self._one))
             return float(self._one[0])
 
+    def sharpest(self) -> float:
+        """The most information that any submap has on one number of its estimate; 0 where there are none."""
+        with self._lock:
+            return float(library.sharpest(self._pointer))
+
     def residuals(self, state: ArrayLike, handle: int) -> Floats:
         """The whitened residuals (m, r) of a table, without loss or weights, in the order in which it was given."""
         out = np.empty(self._known(self._tables, handle, "table"))

@@ -10,7 +10,7 @@ root fills in; `square_root` gives the triangle where one is wanted.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -64,14 +64,12 @@ class Sources(frozenset[Stretch]):
 
     def merge(self, *others: "Sources") -> "Sources":
         """All rows of several disjoint sets, neighbouring stretches made one."""
-        merged: list[Stretch] = []
-        for stretch in sorted(self.union(*others)):
-            last = merged[-1] if merged else None
-            if last and (last.robot, last.source, last.stop) == (stretch.robot, stretch.source, stretch.start):
-                merged[-1] = replace(last, stop=stretch.stop)
-            else:
-                merged.append(stretch)
-        return Sources(merged)
+        merged: list[tuple[int, str, int, int]] = []
+        for robot, source, start, stop in sorted((s.robot, s.source, s.start, s.stop) for s in self.union(*others)):
+            if merged and (robot, source, start) == (merged[-1][0], merged[-1][1], merged[-1][3]):
+                start = merged.pop()[2]
+            merged.append((robot, source, start, stop))
+        return Sources(Stretch(*row) for row in merged)
 
 
 @dataclass(frozen=True, eq=False)

@@ -140,8 +140,8 @@ class System:
     def rounding(self, values: Values) -> float:
         """How large the rounding error of one whitened residual can be at `values`, in sigmas."""
         sharpest = [float(np.abs(t.whitening).max(initial=0.0)) for t in self.tables]
-        sharpest += [float(np.sqrt(np.abs(s.information.data).max(initial=0.0))) for s in self.submaps]
-        return float(np.finfo(float).eps) * max(sharpest, default=0.0) * float(np.abs(values.state).max(initial=1.0))
+        sharpest.append(float(np.sqrt(self._problem.sharpest())))
+        return float(np.finfo(float).eps) * max(sharpest) * float(np.abs(values.state).max(initial=1.0))
 
     @property
     def rows(self) -> int:
