@@ -211,6 +211,14 @@ int32_t teamslam_linearise(teamslam_problem* problem, const double* state, int64
   });
 }
 
+int32_t teamslam_slope(teamslam_problem* problem, const double* state, double* system, double* cost) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    *cost = problem->problem.slope(state, threads, system);
+    return 0;
+  });
+}
+
 int32_t teamslam_cost(teamslam_problem* problem, const double* state, double* cost) {
   return guarded<int32_t>(-1, [&] {
     problem->problem.check_state(state);

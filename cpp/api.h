@@ -71,6 +71,8 @@ TEAMSLAM_API void teamslam_pattern(const teamslam_problem* problem, int32_t* dof
 TEAMSLAM_API int32_t teamslam_linearise(teamslam_problem* problem, const double* state, int64_t user_blocks,
                                         const int64_t* handles, const double* const* e, const double* const* J,
                                         double* system, double* cost);
+/* The same of a problem of submaps, without H, whose place in the system is left as it is. */
+TEAMSLAM_API int32_t teamslam_slope(teamslam_problem* problem, const double* state, double* system, double* cost);
 TEAMSLAM_API int32_t teamslam_cost(teamslam_problem* problem, const double* state, double* cost);
 /* The most information that any submap has on one number. */
 TEAMSLAM_API double teamslam_sharpest(const teamslam_problem* problem);

@@ -146,6 +146,19 @@ double Problem::linearise(const double* state, const std::vector<UserLinearisati
   return sum_of(costs);
 }
 
+double Problem::slope(const double* state, int threads, double* system) {
+  freeze();
+  std::fill(system + pattern_.size(), system + system_size_, 0.0);
+  std::vector<double> costs(chunks_, 0.0);
+  share_out(chunks_, threads, [&](int64_t chunk) {
+    for (const auto& term : terms_) costs[chunk] += term->slope(chunk, state, system);
+  });
+  for (const Layout::Spill& spill : spills_)
+    for (int64_t i = 0; i < spill.length && spill.target >= pattern_.size(); ++i)
+      system[spill.target + i] += system[spill.source + i];
+  return sum_of(costs);
+}
+
 double Problem::cost(const double* state, int threads) const {
   std::vector<double> costs(chunks_, 0.0);
   share_out(chunks_, threads, [&](int64_t chunk) {

@@ -43,6 +43,8 @@ class Problem {
 
   // Fills system = [values of H | g | working room] and returns the cost of all terms but the user's.
   double linearise(const double* state, const std::vector<UserLinearisation>& user, int threads, double* system);
+  // Fills g and the working room alone; for problems of submaps.
+  double slope(const double* state, int threads, double* system);
   double cost(const double* state, int threads) const;
   // The most information that any submap has on one number of its estimate.
   double sharpest() const;

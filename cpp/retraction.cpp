@@ -63,7 +63,8 @@ void shift_within(const Pose<D>& frame, const double* d_frame, const double* T, 
 
 // The rotation of a pose within its frame, after the step.
 template <int D>
-void turn_within(const Pose<D>& frame, const double* d_frame, const double* R, const double* d, double (&turned)[D * D]) {
+void turn_within(const Pose<D>& frame, const double* d_frame, const double* R, const double* d,
+                 double (&turned)[D * D]) {
   constexpr int turns = turn_dof(D);
   double own[D * D], relative[D * D], left[turns], rotation[D * D];
   std::copy_n(R, D * D, own);

@@ -25,7 +25,8 @@ void check(const SparseRows& rows, int64_t scalars) {
   }
 }
 
-// Block columns of the lower triangle that each block row holds, the diagonal last: columns[start[r]] .. [start[r + 1]].
+// Block columns of the lower triangle that each block row holds, the diagonal last: column[start[r]] ..
+// column[start[r + 1]].
 struct BlockRows {
   std::vector<int64_t> start;
   std::vector<int32_t> column;
@@ -129,7 +130,8 @@ void start_rows(const BlockPattern& pattern, const LeftBlocks& left, int64_t* st
   for (int32_t r = 0; r < pattern.variables(); ++r) {
     int64_t length = 0;
     for (int64_t k = left.start[r]; k < left.start[r + 1]; ++k) length += pattern.dof[left.column[k]];
-    for (int64_t k = pattern.column_start[r]; k < pattern.column_start[r + 1]; ++k) length += pattern.dof[pattern.row[k]];
+    for (int64_t k = pattern.column_start[r]; k < pattern.column_start[r + 1]; ++k)
+      length += pattern.dof[pattern.row[k]];
     for (int64_t i = pattern.scalar_start[r]; i < pattern.scalar_start[r + 1]; ++i) start[i + 1] = start[i] + length;
   }
 }

@@ -1,10 +1,10 @@
 #include "submap_term.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <utility>
 
+#include "block_products.hpp"
 #include "checks.hpp"
 #include "models_pose.hpp"
 #include "models_sighting.hpp"
@@ -12,91 +12,6 @@
 namespace teamslam {
 
 namespace {
-
-constexpr int largest = 36;  // numbers of the largest Jacobian
-
-// X = A_r' I A_c for one stored block I (n_r x n_c, column-major) and row-major Jacobians, added to H.
-template <int n_r, int d_r, int n_c, int d_c>
-void add_block(const double* I, const double* A_r, const double* A_c, double* target, bool transposed) {
-  double half[n_r * d_c] = {}, X[d_r * d_c] = {};
-  for (int k = 0; k < n_c; ++k)
-    for (int i = 0; i < n_r; ++i)
-      for (int q = 0; q < d_c; ++q) half[d_c * i + q] += I[n_r * k + i] * A_c[d_c * k + q];
-  for (int i = 0; i < n_r; ++i)
-    for (int p = 0; p < d_r; ++p)
-      for (int q = 0; q < d_c; ++q) X[d_c * p + q] += A_r[d_r * i + p] * half[d_c * i + q];
-  if (transposed)
-    for (int i = 0; i < d_r * d_c; ++i) target[i] += X[i];
-  else
-    for (int p = 0; p < d_r; ++p)
-      for (int q = 0; q < d_c; ++q) target[d_r * q + p] += X[d_c * p + q];
-}
-
-// A member has (estimate's unknowns, variable's unknowns) of one of four shapes.
-constexpr std::array<std::pair<int, int>, 4> shapes = {{{2, 2}, {3, 3}, {6, 6}, {6, 3}}};
-using AddBlock = void (*)(const double*, const double*, const double*, double*, bool);
-
-template <std::size_t r, std::size_t... c>
-constexpr std::array<AddBlock, 4> add_block_row(std::index_sequence<c...>) {
-  return {&add_block<shapes[r].first, shapes[r].second, shapes[c].first, shapes[c].second>...};
-}
-constexpr auto four = std::make_index_sequence<4>{};
-constexpr std::array<std::array<AddBlock, 4>, 4> add_blocks = {add_block_row<0>(four), add_block_row<1>(four),
-                                                               add_block_row<2>(four), add_block_row<3>(four)};
-
-int shape_of(int estimate_dof, int variable_dof) {
-  return estimate_dof == 2 ? 0 : estimate_dof == 3 ? 1 : variable_dof == 6 ? 2 : 3;
-}
-
-// target (n x n) += (X + X') / 2: the diagonal blocks of H are symmetric to the last bit.
-void add_symmetric(const double* X, int n, double* target) {
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) target[n * i + j] += 0.5 * (X[n * i + j] + X[n * j + i]);
-}
-
-// Y += I X for one stored block (n_r x n_c, column-major) and `width` row-major columns, both ways across the diagonal.
-template <int n_r, int n_c, int width>
-void multiply_block(const double* I, const double* X_r, const double* X_c, double* Y_r, double* Y_c, bool diagonal) {
-  for (int i = 0; i < n_r; ++i) {
-    double sum[width];
-    for (int c = 0; c < width; ++c) sum[c] = Y_r[width * i + c];
-    for (int j = 0; j < n_c; ++j)
-      for (int c = 0; c < width; ++c) sum[c] += I[n_r * j + i] * X_c[width * j + c];
-    for (int c = 0; c < width; ++c) Y_r[width * i + c] = sum[c];
-  }
-  if (diagonal) return;
-  for (int j = 0; j < n_c; ++j) {
-    double sum[width];
-    for (int c = 0; c < width; ++c) sum[c] = Y_c[width * j + c];
-    for (int i = 0; i < n_r; ++i)
-      for (int c = 0; c < width; ++c) sum[c] += I[n_r * j + i] * X_r[width * i + c];
-    for (int c = 0; c < width; ++c) Y_c[width * j + c] = sum[c];
-  }
-}
-
-// By the estimates' unknowns (2, 3, 6).
-using MultiplyBlock = void (*)(const double*, const double*, const double*, double*, double*, bool);
-template <int width>
-constexpr MultiplyBlock multiply_blocks[3][3] = {
-    {&multiply_block<2, 2, width>, &multiply_block<2, 3, width>, &multiply_block<2, 6, width>},
-    {&multiply_block<3, 2, width>, &multiply_block<3, 3, width>, &multiply_block<3, 6, width>},
-    {&multiply_block<6, 2, width>, &multiply_block<6, 3, width>, &multiply_block<6, 6, width>}};
-constexpr int place_of(int n) { return n == 6 ? 2 : n - 2; }
-
-// Y = I X for the whole information.
-template <int width>
-void multiply(const BlockPattern& pattern, const double* values, const double* X, double* Y) {
-  std::fill_n(Y, width * pattern.scalars(), 0.0);
-  for (int32_t c = 0; c < pattern.variables(); ++c) {
-    const int64_t at_c = width * pattern.scalar_start[c];
-    for (int64_t k = pattern.column_start[c]; k < pattern.column_start[c + 1]; ++k) {
-      const int32_t r = pattern.row[k];
-      const int64_t at_r = width * pattern.scalar_start[r];
-      multiply_blocks<width>[place_of(pattern.dof[r])][place_of(pattern.dof[c])](
-          values + pattern.value_start[k], X + at_r, X + at_c, Y + at_r, Y + at_c, r == c);
-    }
-  }
-}
 
 template <int D>
 Pose<D> frame_of(Kind kind, const double* x) {  // x null: the world
@@ -111,7 +26,7 @@ Pose<D> frame_of(Kind kind, const double* x) {  // x null: the world
 // A variable's view of the frame and of the member, as Jacobians of the local estimate's residual.
 struct Residual {
   double e[6];
-  double J_base[largest], J_member[largest];  // estimate's unknowns x lifted unknowns
+  double J_base[largest_jacobian], J_member[largest_jacobian];  // estimate's unknowns x lifted unknowns
   int rows = 0, base_columns = 0, member_columns = 0;
 };
 
@@ -151,7 +66,7 @@ void take_columns(const double* J, int rows, int columns, Kind kind, double* out
 // What one linearisation works with. X = [A_b | e] and Y = I X, row-major, `width` columns: all of A_b, or e alone.
 struct SubmapTerm::Work {
   int width;
-  std::vector<double> A;  // A_v: `largest` numbers each, estimate's unknowns x variable's, row-major
+  std::vector<double> A;  // A_v: `largest_jacobian` numbers each, estimate's unknowns x variable's, row-major
   std::vector<double> X, Y;
 };
 
@@ -262,10 +177,13 @@ void SubmapTerm::place(int32_t chunk, Layout& layout) {
     const int64_t start = layout.coupling(slot);
     return transposed ? ~start : start;
   };
-  blocks_.clear();
-  for (int32_t c = 0, next = 0; c < pattern_.variables(); ++c)
-    for (int64_t k = pattern_.column_start[c] + 1; k < pattern_.column_start[c + 1]; ++k)
-      blocks_.push_back(placed(slots_[next++], free_of(members_[pattern_.row[k]]) < free_of(members_[c])));
+  std::vector<int32_t> free;
+  for (const Member& member : members_) free.push_back(free_of(member));
+  blocks_.resize(slots_.size());
+  std::size_t next = 0;
+  for (int32_t c = 0; c < pattern_.variables(); ++c)
+    for (int64_t k = pattern_.column_start[c] + 1; k < pattern_.column_start[c + 1]; ++k, ++next)
+      blocks_[next] = placed(slots_[next], free[pattern_.row[k]] < free[c]);
   for (Member& member : members_) {
     member.diagonal = layout.diagonal(free_of(member));
     member.gradient = layout.gradient(free_of(member));
@@ -276,15 +194,16 @@ void SubmapTerm::place(int32_t chunk, Layout& layout) {
   base_gradient_ = layout.gradient(variables_.free[base_]);
 }
 
-// Evaluates the residual, and with `linearise` the Jacobians; returns e'Ie + 2 eta'e.
-double SubmapTerm::evaluate(const double* state, bool linearise, Work& work) const {
+// Evaluates the residual and what else is wanted; returns e'Ie + 2 eta'e.
+double SubmapTerm::evaluate(const double* state, Wanted wanted, Work& work) const {
   const Kind base = base_ >= 0 ? variables_.kind[base_] : Kind::pose2;
   const double* x_b = base_ >= 0 ? state + variables_.offset[base_] : nullptr;
-  const bool with_base = linearise && base_ >= 0 && variables_.free[base_] != held;
+  const bool jacobians = wanted != Wanted::cost;
+  const bool with_base = jacobians && base_ >= 0 && variables_.free[base_] != held;
   const int width = work.width = with_base ? dof(base) + 1 : 1;
   work.X.resize(width * pattern_.scalars());
   work.Y.resize(width * pattern_.scalars());
-  if (linearise) work.A.resize(largest * members_.size());
+  if (jacobians) work.A.resize(largest_jacobian * members_.size());
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const Member& member = members_[i];
     const Kind kind = variables_.kind[member.variable];
@@ -293,12 +212,11 @@ double SubmapTerm::evaluate(const double* state, bool linearise, Work& work) con
                 r);
     double* X = work.X.data() + width * pattern_.scalar_start[i];
     for (int row = 0; row < r.rows; ++row) X[width * row + width - 1] = r.e[row];
-    if (linearise) take_columns(r.J_member, r.rows, r.member_columns, kind, work.A.data() + largest * i, dof(kind));
+    if (jacobians)
+      take_columns(r.J_member, r.rows, r.member_columns, kind, work.A.data() + largest_jacobian * i, dof(kind));
     if (with_base) take_columns(r.J_base, r.rows, r.base_columns, base, X, width);
   }
-  if (width == 1) multiply<1>(pattern_, values_.data(), work.X.data(), work.Y.data());
-  if (width == 4) multiply<4>(pattern_, values_.data(), work.X.data(), work.Y.data());
-  if (width == 7) multiply<7>(pattern_, values_.data(), work.X.data(), work.Y.data());
+  multiply(pattern_, values_.data(), width, wanted == Wanted::all, work.X.data(), work.Y.data());
   double cost = 0.0;
   for (int64_t i = 0; i < pattern_.scalars(); ++i) {
     const double e = work.X[width * i + width - 1];
@@ -309,46 +227,55 @@ double SubmapTerm::evaluate(const double* state, bool linearise, Work& work) con
   return cost;
 }
 
+void SubmapTerm::add_gradient(const Work& work, double* system) const {
+  const int width = work.width;
+  double of_base[6] = {};
+  for (int32_t c = 0; c < pattern_.variables(); ++c) {
+    const int d_c = dof(variables_.kind[members_[c].variable]);
+    const double* A_c = work.A.data() + largest_jacobian * c;
+    for (int row = 0; row < pattern_.dof[c]; ++row) {
+      const double* A_b = work.X.data() + width * (pattern_.scalar_start[c] + row);
+      const double weighted = work.Y[width * (pattern_.scalar_start[c] + row) + width - 1];
+      for (int p = 0; p < d_c; ++p) system[members_[c].gradient + p] += A_c[d_c * row + p] * weighted;
+      for (int p = 0; p < width - 1; ++p) of_base[p] += A_b[p] * weighted;
+    }
+  }
+  for (int p = 0; p < width - 1; ++p) system[base_gradient_ + p] += of_base[p];
+}
+
 void SubmapTerm::add_members(const Work& work, double* system) const {
   int64_t next = 0;
   for (int32_t c = 0; c < pattern_.variables(); ++c) {
-    const double* A_c = work.A.data() + largest * c;
+    const double* A_c = work.A.data() + largest_jacobian * c;
     const int n_c = pattern_.dof[c], d_c = dof(variables_.kind[members_[c].variable]), shape_c = shape_of(n_c, d_c);
-    double diagonal[largest] = {};
+    double diagonal[largest_jacobian] = {};
     const int64_t first = pattern_.column_start[c];
     add_blocks[shape_c][shape_c](values_.data() + pattern_.value_start[first], A_c, A_c, diagonal, false);
     add_symmetric(diagonal, d_c, system + members_[c].diagonal);
-    for (int row = 0; row < n_c; ++row) {
-      const double weighted = work.Y[work.width * (pattern_.scalar_start[c] + row) + work.width - 1];
-      for (int p = 0; p < d_c; ++p) system[members_[c].gradient + p] += A_c[d_c * row + p] * weighted;
-    }
     for (int64_t k = first + 1; k < pattern_.column_start[c + 1]; ++k) {
       const int32_t r = pattern_.row[k];
       const int shape_r = shape_of(pattern_.dof[r], dof(variables_.kind[members_[r].variable]));
       const int64_t block = blocks_[next++];
-      add_blocks[shape_r][shape_c](values_.data() + pattern_.value_start[k], work.A.data() + largest * r, A_c,
+      add_blocks[shape_r][shape_c](values_.data() + pattern_.value_start[k], work.A.data() + largest_jacobian * r, A_c,
                                    system + (block < 0 ? ~block : block), block < 0);
     }
   }
 }
 
-// With E = I A_b, which stands in Y: the base's own block, its part of g and its blocks with the members.
+// With E = I A_b, which stands in Y: the base's own block and its blocks with the members.
 template <int d_b>
 void SubmapTerm::add_base(const Work& work, double* system) const {
   constexpr int width = d_b + 1;
-  double diagonal[d_b * d_b] = {}, gradient[d_b] = {};
+  double diagonal[d_b * d_b] = {};
   for (int64_t row = 0; row < pattern_.scalars(); ++row) {
     const double *A_b = work.X.data() + width * row, *E = work.Y.data() + width * row;
-    for (int p = 0; p < d_b; ++p) {
-      gradient[p] += A_b[p] * E[d_b];
+    for (int p = 0; p < d_b; ++p)
       for (int q = 0; q < d_b; ++q) diagonal[d_b * p + q] += A_b[p] * E[q];
-    }
   }
   add_symmetric(diagonal, d_b, system + base_diagonal_);
-  for (int p = 0; p < d_b; ++p) system[base_gradient_ + p] += gradient[p];
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const int d_v = dof(variables_.kind[members_[i].variable]);
-    const double *A_v = work.A.data() + largest * i, *E = work.Y.data() + width * pattern_.scalar_start[i];
+    const double *A_v = work.A.data() + largest_jacobian * i, *E = work.Y.data() + width * pattern_.scalar_start[i];
     const bool transposed = members_[i].base_block < 0;
     double* target = system + (transposed ? ~members_[i].base_block : members_[i].base_block);
     for (int p = 0; p < d_v; ++p)
@@ -363,17 +290,26 @@ void SubmapTerm::add_base(const Work& work, double* system) const {
 double SubmapTerm::linearise(int32_t chunk, const double* state, double* system) const {
   if (chunk != chunk_) return 0.0;
   Work work;
-  const double cost = evaluate(state, true, work);
+  const double cost = evaluate(state, Wanted::all, work);
+  add_gradient(work, system);
   add_members(work, system);
   if (work.width == 4) add_base<3>(work, system);
   if (work.width == 7) add_base<6>(work, system);
   return cost;
 }
 
+double SubmapTerm::slope(int32_t chunk, const double* state, double* system) const {
+  if (chunk != chunk_) return 0.0;
+  Work work;
+  const double cost = evaluate(state, Wanted::slope, work);
+  add_gradient(work, system);
+  return cost;
+}
+
 double SubmapTerm::cost(int32_t chunk, const double* state) const {
   if (chunk != chunk_) return 0.0;
   Work work;
-  return evaluate(state, false, work);
+  return evaluate(state, Wanted::cost, work);
 }
 
 // No entry of a positive matrix is larger than the largest of its diagonal.

@@ -42,6 +42,7 @@ class SubmapTerm final : public Term {
   void couple(Couplings& couplings) override;
   void place(int32_t chunk, Layout& layout) override;
   double linearise(int32_t chunk, const double* state, double* system) const override;
+  double slope(int32_t chunk, const double* state, double* system) const override;
   double cost(int32_t chunk, const double* state) const override;
   double sharpest() const override;
 
@@ -59,7 +60,9 @@ class SubmapTerm final : public Term {
   void check_members(const SubmapInput& input) const;
   void check_pattern() const;
   void check_numbers(const double* state, const double* values, const double* eta) const;
-  double evaluate(const double* state, bool linearise, Work& work) const;
+  enum class Wanted { cost, slope, all };
+  double evaluate(const double* state, Wanted wanted, Work& work) const;
+  void add_gradient(const Work& work, double* system) const;
   void add_members(const Work& work, double* system) const;
   template <int d_b>
   void add_base(const Work& work, double* system) const;

@@ -111,3 +111,25 @@ def test_the_sharpest_number_is_on_a_diagonal() -> None:
         matrix = np.array([[1.0, -0.5], [-0.5, most]])
         problem.add_submap(-1, [3], [POINT2], [0.0, 0.0], *blocks(matrix, np.array([2])))
     assert problem.sharpest() == 9.0
+
+
+def test_the_slope_alone_is_that_of_the_linearisation() -> None:
+    rng = np.random.default_rng(3)
+    for fixed in (-1, 0):
+        problem = Problem(KINDS, np.arange(len(KINDS)) == fixed)
+        for base, members in SUBMAPS:
+            kinds = KINDS[members]
+            dofs = np.where(kinds == POSE2, 3, 2)
+            numbers = blocks(information(rng, dofs), dofs)
+            problem.add_submap(base, members, kinds, states(rng, kinds), *numbers, rng.normal(size=dofs.sum()))
+        at = states(rng, KINDS)
+        cost, gradient, _ = problem.linearise(at)
+        assert problem.slope(at)[0] == cost
+        np.testing.assert_array_equal(problem.slope(at)[1], gradient)
+
+
+def test_the_slope_alone_is_for_submaps() -> None:
+    problem = Problem(KINDS)
+    problem.add_table("position", 2, [[0]], [[0.0, 0.0]], [np.eye(2)])
+    with pytest.raises(ModelError, match="submaps"):
+        problem.slope(states(np.random.default_rng(4), KINDS))

@@ -45,6 +45,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "freeze": (I, [P, A]),
     "pattern": (None, [P, A, A, A]),
     "linearise": (I, [P, A, L, A, A, A, A, A]),
+    "slope": (I, [P, A, A, A]),
     "cost": (I, [P, A, A]),
     "sharpest": (D, [P]),
     "residuals": (I, [P, L, A, A]),

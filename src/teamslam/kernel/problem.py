@@ -277,6 +277,16 @@ class Problem:
         size = pattern.size
         return cost + user_cost, system[size : size + pattern.scalars], system[:size]
 
+    def slope(self, state: ArrayLike) -> tuple[float, Floats]:
+        """Cost and gradient alone, as `linearise` gives them, in a third of its time. ModelError where anything but
+        submaps was added."""
+        x = self._state(state)
+        start, end = self.pattern.size, self.pattern.size + self.pattern.scalars
+        system = np.empty(self._system)
+        with self._lock:
+            checked(library.slope(self._pointer, x, system, self._one))
+            return float(self._one[0]), system[start:end].copy()
+
     def cost(self, state: ArrayLike) -> float:
         """The cost at `state` of all terms but the blocks of `add_blocks`."""
         x = self._state(state)

@@ -274,7 +274,8 @@ def optimise(
         small = full_step and (decrement <= options.decrement or predicted <= options.cost_share * at.cost)
         # Reweighting is sure but slow, the loss's curvature fast but only near the optimum: within a few sigmas of it.
         curved = curved or decrement < near
-        after = system.linearise(candidate, curved=curved)
+        settling = full_step and decrement < _SETTLED * np.sqrt(len(delta))
+        after = system.linearise(candidate, curved=curved, lazy=settling and not small)
         actual = at.cost - after.cost
         if small:
             # The last step is far below what matters; it is taken unless rounding makes it worse than it is worth.
@@ -303,7 +304,7 @@ def optimise(
         history.append(Step(at.cost, decrement, float(np.abs(delta).max()), rule.damping, accepted, _since(began)))
         if progress is not None:
             progress(history[-1])
-        settled = accepted and full_step and decrement < _SETTLED * np.sqrt(len(delta))
+        settled = accepted and settling
         if accepted:
             values, at = candidate, after
     return _solution(system, values, at, status, decrement, history)

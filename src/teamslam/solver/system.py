@@ -9,6 +9,7 @@ made in NumPy. Everything above the kernel speaks of keys and Values, everything
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -42,11 +43,16 @@ class SubmapTerm:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """A problem at one point: its cost, g, and H over the free unknowns."""
+    """A problem at one point: its cost, g, and H over the free unknowns, which is made when it is asked for."""
 
     cost: float
     gradient: Array
-    hessian: Matrix
+    made: Callable[[], Matrix]
+
+    @cached_property
+    def hessian(self) -> Matrix:
+        """H."""
+        return self.made()
 
 
 class System:
@@ -90,17 +96,21 @@ class System:
 
     # --- what the optimiser asks --------------------------------------------------------------------------------
 
-    def linearise(self, values: Values, *, curved: bool = False) -> Linearised:
+    def linearise(self, values: Values, *, curved: bool = False, lazy: bool = False) -> Linearised:
         """Cost, gradient g and H at `values`.
 
         `curved`: H also holds the curvature of robust losses along their residuals, for steps that converge like
-        Newton's; without it H is the information, in which a robust loss is a weight.
+        Newton's; without it H is the information, in which a robust loss is a weight. `lazy`: H is not expected to be
+        wanted, and left until it is where that saves work (between submaps, most of it).
         """
+        if lazy and not self.tables:
+            slope = self._problem.slope(values.state)
+            return Linearised(*slope, lambda: self.linearise(values).hessian)
         for handle in self._robust:
             self._problem.set_curved(handle, curved)
         blocks = self._numeric_blocks(values)
         cost, gradient, hessian = self._problem.linearise(values.state, blocks)
-        return Linearised(cost, gradient, Matrix(self.pattern, hessian, self._analysis))
+        return Linearised(cost, gradient, lambda: Matrix(self.pattern, hessian, self._analysis))
 
     def factor(self, values: Values) -> Factor:
         """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
