@@ -47,7 +47,7 @@ def _with_bases(stack: Stack) -> Stack:
 
 def _first_of_lowest_kind(keys: IntArray, kinds: IntArray) -> IntArray:
     """One row for each key, in the order of keys: of its rows of the lowest kind the first."""
-    order = np.argsort(keys, kind="stable")
+    order = np.argsort(keys)
     begins = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
     return np.minimum.reduceat((kinds * len(keys) + np.arange(len(keys)))[order], begins) % len(keys)
 
