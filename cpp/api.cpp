@@ -171,8 +171,10 @@ int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const do
   return guarded<int32_t>(-1, [&] { return problem->problem.table(handle).set_weights(weights), 0; });
 }
 
-int32_t teamslam_set_curved(teamslam_problem* problem, int64_t handle, int32_t curved) {
-  return guarded<int32_t>(-1, [&] { return problem->problem.table(handle).set_curved(curved != 0), 0; });
+int32_t teamslam_set_curvature(teamslam_problem* problem, int64_t handle, int32_t curvature) {
+  return guarded<int32_t>(-1, [&] {
+    return problem->problem.term(handle).set_curvature(static_cast<teamslam::Curvature>(curvature)), 0;
+  });
 }
 
 int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state, const double* values,

@@ -56,7 +56,8 @@ TEAMSLAM_API int64_t teamslam_add_submaps(teamslam_problem* problem, int64_t cou
 TEAMSLAM_API int64_t teamslam_add_blocks(teamslam_problem* problem, int64_t count, int64_t keys, const int64_t* index,
                                          int64_t residual_rows);
 TEAMSLAM_API int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const double* weights);
-TEAMSLAM_API int32_t teamslam_set_curved(teamslam_problem* problem, int64_t handle, int32_t curved);
+/* curvature, of any term: 0 none, 1 of its loss, 2 of its loss and residuals (curvature.hpp). */
+TEAMSLAM_API int32_t teamslam_set_curvature(teamslam_problem* problem, int64_t handle, int32_t curvature);
 TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state,
                                          const double* values, const double* eta);
 

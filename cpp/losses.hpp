@@ -7,7 +7,7 @@
 //
 // All are s + O(s^2) near zero. The weight rho'(s) multiplies the row's part of H and g (iteratively re-weighted least
 // squares: the gradient is exact, the second derivative of rho is left out). The curvature 2 s rho''(s) / rho'(s) <= 0
-// is what that leaves out, along the residual: a table that is asked for curved steps takes it in.
+// is what that leaves out, along the residual: steps may take it in (curvature.hpp).
 #pragma once
 
 #include <cmath>

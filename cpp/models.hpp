@@ -15,6 +15,7 @@
 
 #include <cstdint>
 
+#include "curvature.hpp"
 #include "kinds.hpp"
 #include "losses.hpp"
 
@@ -64,7 +65,7 @@ struct Rows {
   const double* weight;      // per row, or null
   Loss loss;
   double scale;
-  bool curved;  // steps see the curvature of the loss
+  Curvature curvature;  // what H takes in beyond J'W'WJ
   const Places* places;
 };
 

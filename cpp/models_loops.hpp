@@ -8,7 +8,8 @@
 
 namespace teamslam {
 
-// A factor says, for one model between variables of kinds A (and B), how many rows it has and how to evaluate
+// A factor says, for one model between variables of kinds `kind_a` (and `kind_b`), how many rows it has and how to
+// evaluate
 //   e (rows) and, if wanted, J = -de/dx (rows x (dof(A) + dof(B)), row-major, the columns of A first).
 
 // The pose of the sensor that sits on an observer of kind A, and the way back of its Jacobian to the columns of A.
@@ -44,6 +45,7 @@ inline void target_columns(const double* J_point, double* J, int stride) {
 template <class Measure, int D, Kind A, Kind B>
 struct Sighting {
   static constexpr int rows = Measure::rows, numbers = Measure::numbers, dof_a = dof(A), dof_b = dof(B);
+  static constexpr Kind kind_a = A, kind_b = B;
   template <bool with_jacobian>
   static void evaluate(const double* z, const double* mount, const double* a, const double* b, double* e, double* J) {
     const Observer<D, A> observer(a, mount);
@@ -60,6 +62,7 @@ struct Sighting {
 template <int D, Kind A, Kind B>
 struct RelativePose {
   static constexpr int rows = pose_dof(D), numbers = pose_numbers(D), dof_a = dof(A), dof_b = dof(B);
+  static constexpr Kind kind_a = A, kind_b = B;
   template <bool with_jacobian>
   static void evaluate(const double* z, const double* mount, const double* a, const double* b, double* e, double* J) {
     const Observer<D, A> observer(a, mount);
@@ -77,6 +80,7 @@ struct RelativePose {
 template <int D, Kind A>
 struct AbsolutePose {
   static constexpr int rows = pose_dof(D), numbers = pose_numbers(D), dof_a = dof(A), dof_b = 0;
+  static constexpr Kind kind_a = A, kind_b = A;
   template <bool with_jacobian>
   static void evaluate(const double* z, const double* mount, const double* a, const double*, double* e, double* J) {
     const Observer<D, A> observer(a, mount);
@@ -89,6 +93,7 @@ struct AbsolutePose {
 template <int D, Kind A>
 struct AbsolutePosition {
   static constexpr int rows = D, numbers = D, dof_a = dof(A), dof_b = 0;
+  static constexpr Kind kind_a = A, kind_b = A;
   template <bool with_jacobian>
   static void evaluate(const double* z, const double* mount, const double* a, const double*, double* e, double* J) {
     if constexpr (is_pose(A)) {
@@ -144,6 +149,52 @@ inline void add_gradient(const double* J, int stride, const double* e, double* t
   }
 }
 
+// C (columns x columns) -= v v', how the loss bends down along the residual: v = J'e scaled (Triggs et al. 2000, "Bundle
+// adjustment", sec. 4.3, without their guard against an indefinite H: whoever factorises it sees that, and asks for
+// none). We and WJ carry the root of the weight.
+template <int rows, int columns>
+inline void subtract_loss_bend(const LossValue& value, double s, double weight, const double* We, const double* WJ,
+                               double* C) {
+  if (!(value.curvature < 0.0)) return;
+  double v[columns] = {};
+  add_gradient<rows, columns>(WJ, columns, We, v);
+  const double scale = -value.curvature / (s * weight);
+  for (int j = 0; j < columns; ++j)
+    for (int k = 0; k < columns; ++k) C[columns * j + k] -= scale * v[j] * v[k];
+}
+
+// C -= d(J'lambda)/dx, lambda = weight W'We; We carries the root of the weight.
+template <class Factor>
+void subtract_residual_bend(const Rows& table, int64_t row, const double* state, const double* We, double root,
+                            double* C) {
+  constexpr int rows = Factor::rows, columns = Factor::dof_a + Factor::dof_b;
+  const double *W = table.whitening + row * table.whitening_stride, *z = table.z + row * Factor::numbers;
+  double lambda[rows] = {};
+  for (int i = 0; i < rows; ++i)
+    for (int k = 0; k < rows; ++k) lambda[k] += root * We[i] * W[rows * i + k];
+  const auto jacobian_at = [&](const double* a, const double* b, double* J) {
+    double e[rows];
+    Factor::template evaluate<true>(z, table.sensor, a, b, e, J);
+  };
+  subtract_bend<columns>(Factor::kind_a, state + table.state_a[row], Factor::kind_b,
+                         Factor::dof_b > 0 ? state + table.state_b[row] : nullptr, Factor::dof_a, Factor::dof_b, rows,
+                         lambda, jacobian_at, C);
+}
+
+// Adds a symmetric C over the unknowns of a row's variables to their blocks (column-major, the rows of the later
+// variable fastest).
+template <int a, int b>
+inline void add_blocks(const double* C, const Places& at, double* system) {
+  constexpr int columns = a + b;
+  for (int i = 0; i < a; ++i)
+    for (int j = 0; j < a; ++j) system[at.diagonal_a + a * i + j] += C[columns * i + j];
+  for (int i = 0; i < b; ++i)
+    for (int j = 0; j < b; ++j) system[at.diagonal_b + b * i + j] += C[columns * (a + i) + a + j];
+  for (int i = 0; i < a; ++i)
+    for (int j = 0; j < b; ++j)
+      system[at.coupling >= 0 ? at.coupling + b * i + j : ~at.coupling + a * j + i] += C[columns * i + a + j];
+}
+
 template <class Factor>
 double linearise_rows(const Rows& table, const double* state, double* system) {
   constexpr int rows = Factor::rows, a = Factor::dof_a, b = Factor::dof_b, columns = a + b;
@@ -178,25 +229,11 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
       else
         add_product<rows, columns, b, a>(WJ + a, WJ, system + ~at.coupling);
     }
-    if (table.curved && value.curvature < 0.0 && weight > 0.0) {
-      // The loss bends down along the residual: H -= v v' with v = J'e scaled (Triggs et al. 2000, "Bundle adjustment",
-      // sec. 4.3, without their guard against an indefinite H: whoever factorises it sees that, and asks for none).
-      double v[columns], minus_v[columns];
-      const double scale = std::sqrt(-value.curvature / (s * weight));
-      for (int j = 0; j < columns; ++j) {
-        double along = 0.0;
-        for (int i = 0; i < rows; ++i) along += We[i] * WJ[columns * i + j];
-        v[j] = scale * along;
-        minus_v[j] = -v[j];
-      }
-      add_product<1, columns, a, a>(minus_v, v, system + at.diagonal_a);
-      if constexpr (b > 0) {
-        add_product<1, columns, b, b>(minus_v + a, v + a, system + at.diagonal_b);
-        if (at.coupling >= 0)
-          add_product<1, columns, a, b>(minus_v, v + a, system + at.coupling);
-        else
-          add_product<1, columns, b, a>(minus_v + a, v, system + ~at.coupling);
-      }
+    if (table.curvature != Curvature::none && weight > 0.0) {
+      double C[columns * columns] = {};
+      subtract_loss_bend<rows, columns>(value, s, weight, We, WJ, C);
+      if (table.curvature == Curvature::all) subtract_residual_bend<Factor>(table, row, state, We, std::sqrt(weight), C);
+      add_blocks<a, b>(C, at, system);
     }
   }
   return cost;

@@ -80,6 +80,7 @@ Kind_& Problem::find(int64_t handle, const char* name) {
   return *term;
 }
 
+template Term& Problem::find<Term>(int64_t, const char*);
 template Table& Problem::find<Table>(int64_t, const char*);
 template SubmapTerm& Problem::find<SubmapTerm>(int64_t, const char*);
 template UserBlocks& Problem::find<UserBlocks>(int64_t, const char*);

@@ -33,6 +33,7 @@ class Problem {
   int64_t add_blocks(int64_t count, int64_t keys, const int64_t* index, int64_t residual_rows);
   Table& table(int64_t handle) { return find<Table>(handle, "table"); }
   SubmapTerm& submap(int64_t handle) { return find<SubmapTerm>(handle, "submap"); }
+  Term& term(int64_t handle) { return find<Term>(handle, "term"); }
   UserBlocks& blocks(int64_t handle) { return find<UserBlocks>(handle, "user's block"); }
 
   // Fixes pattern and places; does nothing the second time.

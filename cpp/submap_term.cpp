@@ -287,6 +287,37 @@ void SubmapTerm::add_base(const Work& work, double* system) const {
   }
 }
 
+// What the residuals' curvature takes from H: by the unknowns of the base and of each member.
+void SubmapTerm::subtract_bends(const double* state, const Work& work, double* system) const {
+  const bool moving = base_ >= 0 && variables_.free[base_] != held;
+  const Kind base = base_ >= 0 ? variables_.kind[base_] : Kind::pose2;
+  const double* x_b = base_ >= 0 ? state + variables_.offset[base_] : nullptr;
+  const int d_b = moving ? dof(base) : 0;
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const Member& member = members_[i];
+    const Kind kind = variables_.kind[member.variable];
+    const int n = dof(member.kind), d_v = dof(kind), columns = d_b + d_v;
+    double lambda[6], C[144] = {};
+    for (int row = 0; row < n; ++row)
+      lambda[row] = work.Y[work.width * (pattern_.scalar_start[i] + row) + work.width - 1];
+    const auto jacobian_at = [&](const double* b, const double* v, double* J) {
+      Residual r;
+      residual_of(member.kind, state_.data() + member.state, base, b, kind, v, r);
+      if (moving) take_columns(r.J_base, r.rows, r.base_columns, base, J, columns);
+      take_columns(r.J_member, r.rows, r.member_columns, kind, J + d_b, columns);
+    };
+    subtract_bend<12>(base, x_b, kind, state + variables_.offset[member.variable], d_b, d_v, n, lambda, jacobian_at, C);
+    for (int p = 0; p < d_v; ++p)
+      for (int q = 0; q < d_v; ++q) system[member.diagonal + d_v * p + q] += C[columns * (d_b + p) + d_b + q];
+    for (int p = 0; p < d_b; ++p)
+      for (int q = 0; q < d_b; ++q) system[base_diagonal_ + d_b * p + q] += C[columns * p + q];
+    const bool transposed = member.base_block < 0;
+    double* coupling = system + (transposed ? ~member.base_block : member.base_block);
+    for (int p = 0; p < d_v; ++p)
+      for (int q = 0; q < d_b; ++q) coupling[transposed ? d_b * p + q : d_v * q + p] += C[columns * (d_b + p) + q];
+  }
+}
+
 double SubmapTerm::linearise(int32_t chunk, const double* state, double* system) const {
   if (chunk != chunk_) return 0.0;
   Work work;
@@ -295,6 +326,7 @@ double SubmapTerm::linearise(int32_t chunk, const double* state, double* system)
   add_members(work, system);
   if (work.width == 4) add_base<3>(work, system);
   if (work.width == 7) add_base<6>(work, system);
+  if (curvature_ == Curvature::all) subtract_bends(state, work, system);
   return cost;
 }
 

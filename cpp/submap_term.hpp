@@ -64,6 +64,7 @@ class SubmapTerm final : public Term {
   double evaluate(const double* state, Wanted wanted, Work& work) const;
   void add_gradient(const Work& work, double* system) const;
   void add_members(const Work& work, double* system) const;
+  void subtract_bends(const double* state, const Work& work, double* system) const;
   template <int d_b>
   void add_base(const Work& work, double* system) const;
 

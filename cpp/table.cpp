@@ -206,7 +206,7 @@ Rows Table::rows_of(const Run& run) const {
           weights_.empty() ? nullptr : weights_.data() + run.first,
           loss_,
           scale_,
-          curved_,
+          curvature_,
           places_.data() + run.first};
 }
 

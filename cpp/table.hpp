@@ -31,8 +31,6 @@ class Table final : public Term {
 
   // One factor per row on its part of H, g and cost, in the order of the input; null: none.
   void set_weights(const double* weights);
-  // Whether H takes in the curvature of the loss (for steps) or not (for information).
-  void set_curved(bool curved) { curved_ = curved; }
   int64_t rows() const { return rows_; }
   int residual_size() const { return residual_rows(model_, dimension_); }
   // Whitened, in the order of the input; usable once the problem is frozen.
@@ -69,7 +67,6 @@ class Table final : public Term {
   std::vector<double> sensor_, lifted_sensor_;  // as given; in space
   Loss loss_;
   double scale_;
-  bool curved_ = false;
 
   std::vector<int64_t> order_;  // input row of each row; empty: the same
   std::vector<Run> runs_;

@@ -9,6 +9,7 @@
 
 #include "checks.hpp"
 #include "couplings.hpp"
+#include "curvature.hpp"
 #include "layout.hpp"
 
 namespace teamslam {
@@ -32,6 +33,12 @@ class Term {
 
   // The most information that it has on any one number; 0 where that is not its business.
   virtual double sharpest() const { return 0.0; }
+
+  // What H takes in: nothing more (it is information), the curvature of losses, or all (for steps like Newton's).
+  void set_curvature(Curvature curvature) { curvature_ = curvature; }
+
+ protected:
+  Curvature curvature_ = Curvature::none;
 };
 
 }  // namespace teamslam

@@ -9,6 +9,7 @@ from teamslam.joining.start import compose_along
 from teamslam.model import (
     MODELS,
     Dataset,
+    Kind,
     Names,
     Table,
     Values,
@@ -69,6 +70,27 @@ def team(
             meetings = np.stack([own[::every], other[::every]], -1)
             tables.append(measure(robot, "robots", robot_model, dim, meetings, sigma, truth, rng))
     return Dataset(dict.fromkeys(range(1, robots + 1), dim), tuple(tables), Names(tick_s=1.0), truth)
+
+
+def mixed_team(sigma: float = 0.01) -> Dataset:
+    """A planar robot and one in space among the same landmarks, the second seeing the first."""
+    ground, air = team("planar", robots=1, poses=15), team("3d", robots=1, poses=15)
+    assert ground.truth is not None and air.truth is not None
+    rng = np.random.default_rng(0)
+    flyer = pose_key(2, np.arange(15))
+    way = air.truth.of_kind(Kind.POSE3)
+    assert isinstance(way, Pose)
+    truth = ground.truth.update(Values.of({Kind.POSE3: (flyer, way)}))
+    marks = landmark_key(np.arange(6))
+    pairs = np.stack([np.repeat(flyer, 6), np.tile(marks, 15)], -1)[::3]
+    meetings = np.stack([flyer[::4], ground.pose_keys[1][::4]], -1)
+    tables = [
+        *[t for t in ground.tables if t.source != "robots"],
+        measure(2, "odometry", "relative_pose", 3, chain(flyer), sigma, truth, rng),
+        measure(2, "landmarks", "point", 3, pairs, sigma, truth, rng),
+        measure(2, "robots", "relative_pose", 3, meetings, sigma, truth, rng),
+    ]
+    return Dataset({1: 2, 2: 3}, tuple(tables), ground.names, truth)
 
 
 def chain(keys: IntArray) -> IntArray:

@@ -59,7 +59,7 @@ class JoinOptions:
 
     order: str = "at once"
     exact: bool = False
-    gap: float = 1e-15
+    gap: float = 1e-20
     max_rounds: int = 300
 
     def __post_init__(self) -> None:

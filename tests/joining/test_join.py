@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from teamslam.errors import ModelError, SolveError
-from teamslam.geometry import Pose
 from teamslam.joining import ORDERS, build, exact_join, full, join, join_sequentially, split
 from teamslam.joining.place import place
 from teamslam.model import Dataset, Loss, Sources, Submap, Values, is_landmark, is_pose, robot_of
 from teamslam.solver import Options
-from worlds import WORLDS, team
+from worlds import WORLDS, mixed_team, team
 
 TIGHT = Options(decrement=1e-10, cost_share=1e-18)
 
@@ -368,31 +367,11 @@ def test_arrival_order_waits_for_what_connects() -> None:
 
 
 def test_a_planar_robot_and_a_flying_one_make_one_map() -> None:
-    from worlds import measure
-
-    ground, air = team("planar", robots=1, poses=15), team("3d", robots=1, poses=15)
-    assert ground.truth is not None and air.truth is not None
-    from teamslam.model import Kind, landmark_key, pose_key
-
-    rng = np.random.default_rng(0)
-    flyer = pose_key(2, np.arange(15))
-    way = air.truth.of_kind(Kind.POSE3)
-    assert isinstance(way, Pose)
-    truth = ground.truth.update(Values.of({Kind.POSE3: (flyer, way)}))
-    marks = landmark_key(np.arange(6))
-    pairs = np.stack([np.repeat(flyer, 6), np.tile(marks, 15)], -1)[::3]
-    chain = np.stack([flyer[:-1], flyer[1:]], -1)
-    sees = np.stack([flyer[::4], ground.pose_keys[1][::4]], -1)
-    tables = [
-        *[t for t in ground.tables if t.source != "robots"],
-        measure(2, "odometry", "relative_pose", 3, chain, 0.01, truth, rng),
-        measure(2, "landmarks", "point", 3, pairs, 0.01, truth, rng),
-        measure(2, "robots", "relative_pose", 3, sees, 0.01, truth, rng),
-    ]
-    mixed = Dataset({1: 2, 2: 3}, tuple(tables), ground.names, truth)
+    mixed = mixed_team()
+    assert mixed.truth is not None
     joined = join(submaps_of(mixed))
     assert len(joined.components) == 1
-    assert np.abs(joined.map.values.minus(in_frame(truth, joined.map))).max() < 0.1
+    assert np.abs(joined.map.values.minus(in_frame(mixed.truth, joined.map))).max() < 0.1
     exact = exact_join(split(mixed))
     baseline = full(mixed, initial=exact, options=TIGHT)
     np.testing.assert_allclose(exact.map.values.minus(baseline.map.values), 0.0, atol=1e-8)

@@ -40,7 +40,7 @@ def test_losses(loss):
 
 
 @pytest.mark.parametrize("loss", LOSSES)
-def test_curved_tables_hold_the_second_derivative_of_the_loss(loss):
+def test_the_curvature_of_losses_is_their_second_derivative(loss):
     # Along one axis the cost is rho(x^2): its gradient is unchanged, and H is half its second derivative, which is
     # negative for far outliers. Across, and for rows of weight zero, nothing changes.
     k, step = 1.7, 1e-3
@@ -48,7 +48,7 @@ def test_curved_tables_hold_the_second_derivative_of_the_loss(loss):
         problem = Problem([POINT2])
         handle = problem.add_table("position", 2, [[0]], [[x, 0.0]], np.eye(2)[None], loss=loss, scale=k)
         _, plain_gradient, plain = problem.linearise(np.zeros(2))
-        problem.set_curved(handle, True)
+        problem.set_curvature(handle, "losses")
         _, gradient, values = problem.linearise(np.zeros(2))
         second = (rho(loss, k, (x + step) ** 2) - 2 * rho(loss, k, x**2) + rho(loss, k, (x - step) ** 2)) / step**2
         np.testing.assert_allclose(gradient, plain_gradient, atol=1e-14)

@@ -77,6 +77,20 @@ def test_a_bad_start_is_survived(rule: str) -> None:
     assert dataset.dof == solution.rows
 
 
+def test_residuals_that_bend_are_solved_to_rounding() -> None:
+    """Ranges with large residuals, of which Gauss-Newton leaves half the distance at each step and more."""
+    dataset = team("2d", robots=3, robot_model="range", sigma=0.8, sigma_odometry=0.05, every=1, sees=0.2, seed=5)
+    assert dataset.truth is not None
+    start = dataset.truth.only(dataset.layout.keys)
+    system = System(start.layout, tables=dataset.tables, fixed=dataset.pose_keys[1][:1])
+    solution = optimise(system, start, Options(decrement=1e-12, cost_share=0.0))
+    assert solution.converged and solution.iterations <= 20
+    at = system.linearise(solution.values, curvature="all")
+    left = np.linalg.solve(at.hessian.to_csr().toarray(), at.gradient)
+    assert np.abs(left).max() < 1e-11
+    assert solution.information.toarray() == pytest.approx(system.linearise(solution.values).hessian.to_csr().toarray())
+
+
 def test_the_information_is_that_of_the_estimate() -> None:
     _, system, start = problem("planar")
     solution = optimise(system, start)

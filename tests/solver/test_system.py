@@ -70,6 +70,23 @@ def test_submaps_linearise_as_differences_do(world: str, slope: bool) -> None:
 
 
 @pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("loss", LOSSES)
+def test_with_all_curvature_the_matrix_is_how_the_gradient_falls(world: str, loss: str) -> None:
+    """d'Hd is half the second derivative of F along x (+) t d: submaps with slopes and tables together."""
+    dataset = team(world, robots=2, poses=5, landmarks=4, sigma=0.1).with_loss(Loss(loss, 1.5))
+    assert dataset.truth is not None
+    rng = np.random.default_rng(0)
+    submaps = [build(piece) for piece in split(dataset)]
+    terms = [SubmapTerm(s.base, s.values, s.information, rng.standard_normal(s.dof)) for s in submaps]
+    values = perturbed(dataset.truth.only(dataset.layout.keys), 3)
+    system = System(values.layout, tables=dataset.tables, submaps=terms, fixed=np.array([submaps[0].base]))
+    h = system.linearise(values, curvature="all").hessian.to_csr()
+    for d in rng.standard_normal((5, system.free.dof)):
+        ahead, behind = (system.linearise(system.retract(values, s * d)).gradient for s in (1e-5, -1e-5))
+        assert float(d @ (h @ d)) == pytest.approx(float((behind - ahead) @ d) / 2e-5, rel=1e-5)
+
+
+@pytest.mark.parametrize("world", WORLDS)
 def test_moving_the_world_changes_no_cost(world: str) -> None:
     dataset = team(world, robots=2, poses=4, landmarks=3)
     assert dataset.truth is not None

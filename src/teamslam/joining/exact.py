@@ -11,6 +11,8 @@ where the team is:
 The first round is the paper's join. From then on this is Gauss-Newton on F by nested dissection, so its fixed point
 is grad F = 0: the full nonlinear least squares, though nobody holds all raw data. F is a sum of scalars, so a step
 that raises it is known, and halved. What is left is known too: the Newton decrement adds up from the robots' parts.
+Where it falls slowly, robots and coordinator take in how residuals bend (solver.newton), and the rounds are Newton's.
+Rounding of F hides the last of them; they go on while the decrement falls.
 
 A submap whose separators are so many that their dense matrix is larger than its own sparse one sends the sparse one.
 """
@@ -37,10 +39,13 @@ from teamslam.joining.join import (
 )
 from teamslam.model import Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
+from teamslam.solver.newton import Bend, Curvature
 from teamslam.solver.optimise import DEFAULTS
 
-_NEAR = 3.0  # [sigmas]: from here on steps use the curvature of robust losses
-_CLOSE = 0.01  # [sigmas]: from here on a step's length is judged by the decrement
+UNSEEN = 1e-12  # of F: what its rounding hides
+FALLS = 0.9  # the decrement that falls less than to this, where F shows nothing any more, is rounding itself
+LEAST_SHARE = 1e-4  # of a step
+SLOW = 0.25  # as in Bend; a round costs messages, curvature costs none
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +87,9 @@ class Part:
         """The estimate of what is sent, in the submap's frame."""
         return self.values.only(self.kept.keys)
 
-    def reduce(self, *, curved: bool = False) -> Reduced:
-        """Linearise at the present point and eliminate the interiors; `curved` as in System.linearise."""
-        at = self.system.linearise(self.values, curved=curved)
+    def reduce(self, curvature: Curvature = "none") -> Reduced:
+        """Linearise at the present point and eliminate the interiors; `curvature` as in System.linearise."""
+        at = self.system.linearise(self.values, curvature=curvature)
         self._gradient = at.gradient
         if self.sends_whole:
             whole = at.hessian.to_csr()
@@ -117,16 +122,16 @@ def _dense(complement: Array) -> sp.csr_array:
 def exact_join(
     pieces: Sequence[Dataset],
     *,
-    gap: float = 1e-15,
+    gap: float = 1e-20,
     max_rounds: int = 300,
     options: Options = DEFAULTS,
     progress: Callable[[Step], None] | None = None,
 ) -> Joined:
     """The join of the submaps of all pieces, in rounds until it is the full least squares.
 
-    Stops when the decrease of F still to be had is below `gap` of F. Every component carries its `exactness`; one
-    that did not reach `gap` within `max_rounds` says so in its status. Law: the estimate is that of `full` on the
-    same data. Raises as `build` and `join` do.
+    Stops when the decrease of F still to be had is below `gap` of F, or rounding is all that is left of it. Every
+    component carries its `exactness`; one that did not get there within `max_rounds` says so in its status. Law: the
+    estimate is that of `full` on the same data. Raises as `build` and `join` do.
     """
     alternatives = [build_alternatives(piece, options=options) for piece in pieces]
     raw_of = {found[0].id: piece for piece, found in zip(pieces, alternatives, strict=True)}
@@ -170,6 +175,27 @@ def _rounds(
     return team.run(component, gap, max_rounds, progress)
 
 
+@dataclass(frozen=True, eq=False)
+class _Ahead:
+    """What a round found: F here, the step, the decrease of F that it promises, and how many numbers went up and
+    down."""
+
+    cost: float
+    step: Array
+    decrease: float
+    numbers: int
+
+    @property
+    def decrement(self) -> float:
+        """The distance to the optimum [sigmas]."""
+        return float(np.sqrt(self.decrease))
+
+    def told(self, share: float) -> Step:
+        """The account of going that share of the step."""
+        largest = float(np.abs(self.step).max(initial=0.0))
+        return Step(self.cost, self.decrement, largest, 1.0 - share, share > 0.0, 0.0)
+
+
 class _Team:
     """The coordinator's side of the rounds."""
 
@@ -186,59 +212,48 @@ class _Team:
     def run(
         self, component: Component, gap: float, max_rounds: int, progress: Callable[[Step], None] | None
     ) -> Component:
-        """Rounds until the gap is closed."""
-        history: list[Step] = []
-        status = Status.MAX_ITERATIONS
-        sent = 0
+        """Rounds until the gap is closed, or until rounding is all that is left of it."""
         for part, values in zip(self.parts, self._local(self.values), strict=True):
             part.reduce()
             part.values = part.follow(values)
-        near, curved, reach, last = _NEAR, False, 1.0, np.inf
+        history: list[Step] = []
+        bend, status, sent, last = Bend(SLOW), Status.MAX_ITERATIONS, 0, np.inf
         for _ in range(max_rounds):
-            try:
-                cost, step, decrease, numbers = self._round(curved)
-            except SolveError:
-                if not curved:
-                    raise
-                near, curved = 0.3 * near, False  # too far from the optimum for the curvature of the losses
-                continue
-            sent += 8 * numbers
-            decrement = float(np.sqrt(max(decrease, 0.0)))
-            curved = curved or decrement < near
-            # Close to the optimum F changes too little to show that a full step overshoots; the decrement still does.
-            if decrement > _CLOSE:
-                reach = 1.0
-            elif decrement > last:
-                reach = max(0.5 * reach, 1.0 / 16.0)
-            elif decrement < 0.25 * last:
-                reach = min(2.0 * reach, 1.0)
-            last = decrement
-            share, taken = reach, None
-            while share > 1e-4:
-                candidate = self._retract(share * step)
-                moved = [part.follow(values) for part, values in zip(self.parts, self._local(candidate), strict=True)]
-                after = self._raw_cost(candidate) + sum(
-                    part.system.cost(values) for part, values in zip(self.parts, moved, strict=True)
-                )
-                if np.isfinite(after) and after <= cost + 1e-12 * max(cost, 1.0):
-                    taken = (candidate, moved)
-                    break
-                share *= 0.5
-            history.append(
-                Step(cost, decrement, float(np.abs(step).max(initial=0.0)), 1.0 - share, taken is not None, 0.0)
-            )
+            ahead = self._round(bend)
+            sent += 8 * ahead.numbers
+            if ahead.decrement > FALLS * last and ahead.decrease <= UNSEEN * ahead.cost:
+                status = Status.FLAT
+                break
+            bend.see(ahead.decrement)
+            last = ahead.decrement
+            share = self._descend(ahead)
+            history.append(ahead.told(share))
             if progress is not None:
                 progress(history[-1])
-            if taken is None:
+            if not share:
                 status = Status.STUCK
                 break
-            self.values = taken[0]
-            for part, values in zip(self.parts, taken[1], strict=True):
-                part.values = values
-            if decrease <= gap * cost:
+            if ahead.decrease <= gap * ahead.cost:
                 status = Status.CONVERGED  # and the last step, already known, is taken
                 break
         return self._finish(component, status, history, sent)
+
+    def _descend(self, ahead: "_Ahead") -> float:
+        """Go the largest share of the step (1, 1/2, 1/4, ...) that does not raise F, and say which; 0 for none."""
+        share = 1.0
+        while share > LEAST_SHARE:
+            candidate = self._retract(share * ahead.step)
+            moved = [part.follow(values) for part, values in zip(self.parts, self._local(candidate), strict=True)]
+            after = self._raw_cost(candidate) + sum(
+                part.system.cost(values) for part, values in zip(self.parts, moved, strict=True)
+            )
+            if np.isfinite(after) and after <= ahead.cost + UNSEEN * max(ahead.cost, 1.0):
+                self.values = candidate
+                for part, values in zip(self.parts, moved, strict=True):
+                    part.values = values
+                return share
+            share *= 0.5
+        return 0.0
 
     # --- one round ----------------------------------------------------------------------------------------------
 
@@ -246,9 +261,17 @@ class _Team:
         """Every part's separators, seen from its base."""
         return [values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts]
 
-    def _round(self, curved: bool) -> tuple[float, Array, float, int]:
-        """F here, the step, the decrease of F that it promises, and how many numbers went up and down."""
-        reduced = [part.reduce(curved=curved) for part in self.parts]
+    def _round(self, bend: Bend) -> "_Ahead":
+        """One round: with curvature where there is enough of it for a step that goes down."""
+        while True:
+            try:
+                return self._linearised(bend.curvature)
+            except SolveError:
+                if not bend.retreat():
+                    raise
+
+    def _linearised(self, curvature: Curvature) -> "_Ahead":
+        reduced = [part.reduce(curvature) for part in self.parts]
         terms = [
             SubmapTerm(p.submap.base, p.separators, r.information, r.slope)
             for p, r in zip(self.parts, reduced, strict=True)
@@ -262,12 +285,15 @@ class _Team:
             for number, term in enumerate(terms):
                 self.system.set_submap(number, term)
         assert self.factor is not None
-        at = self.system.linearise(self.values, curved=curved)
+        at = self.system.linearise(self.values, curvature=curvature)
         self.factor.factorise(at.hessian.numbers)
         step = self.factor.solve(at.gradient)
-        decrease = float(at.gradient @ step) + sum(r.interior for r in reduced)
-        numbers = sum(r.numbers for r in reduced) + sum(len(p.separators.state) for p in self.parts)
-        return sum(r.cost for r in reduced) + self._raw_cost(self.values), step, decrease, numbers
+        return _Ahead(
+            cost=sum(r.cost for r in reduced) + self._raw_cost(self.values),
+            step=step,
+            decrease=max(float(at.gradient @ step) + sum(r.interior for r in reduced), 0.0),
+            numbers=sum(r.numbers for r in reduced) + sum(len(p.separators.state) for p in self.parts),
+        )
 
     def _retract(self, step: Array) -> Values:
         assert self.system is not None

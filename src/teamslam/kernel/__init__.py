@@ -16,9 +16,10 @@ H d = g with H = sum J'W'WJ and g = sum J'W'We; the cost is sum rho(|We|^2), wit
 from teamslam.kernel.factor import POSITIONS_HELP_FROM, Analysis, Factor, NotPositiveDefinite, Statistics
 from teamslam.kernel.library import set_threads, threads
 from teamslam.kernel.pattern import BlockPattern
-from teamslam.kernel.problem import LOSSES, MODELS, Problem
+from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, Problem
 
 __all__ = [
+    "CURVATURES",
     "LOSSES",
     "MODELS",
     "POSITIONS_HELP_FROM",

@@ -13,9 +13,10 @@ from teamslam.errors import ModelError
 from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
-# Names in the order of the kernel's numbers (cpp/models.hpp, cpp/losses.hpp).
+# Names in the order of the kernel's numbers (cpp/models.hpp, cpp/losses.hpp, cpp/curvature.hpp).
 MODELS = ("relative_pose", "point", "range", "bearing", "range_bearing", "position", "pose")
 LOSSES = ("squared", "huber", "cauchy", "geman_mcclure")
+CURVATURES = ("none", "losses", "all")
 
 NUMBERS = np.array([6, 12, 2, 3])  # of each kind, in the state
 DOFS = np.array([3, 6, 2, 3])
@@ -109,12 +110,15 @@ class Problem:
         with self._lock:
             checked(library.set_weights(self._pointer, handle, given))
 
-    def set_curved(self, handle: int, curved: bool) -> None:
-        """Whether H holds the curvature of a table's loss: True for Newton-like steps (it may be indefinite), False
-        (at first) for information."""
-        self._known(self._tables, handle, "table")
+    def set_curvature(self, handle: int, curvature: str) -> None:
+        """What H holds of a table or submap beyond J'W'WJ: a name of CURVATURES. "none" (at first) is information;
+        "losses" adds how robust losses bend along their residuals, "all" how residuals bend too: the second derivative
+        of the cost, for steps like Newton's (it may be indefinite)."""
+        if handle not in self._tables and handle not in self._submaps:
+            raise ModelError(f"handle {handle!r} is no table or submap of this problem")
+        level = _place(curvature, CURVATURES, "curvature")
         with self._lock:
-            checked(library.set_curved(self._pointer, handle, int(curved)))
+            checked(library.set_curvature(self._pointer, handle, level))
 
     def add_submap(
         self,

@@ -7,7 +7,9 @@ of them shrinks the gradient tenfold.
 
 It stops on the Newton decrement sqrt(g' H^-1 g): the distance to the optimum of the model in sigmas, so that no
 variable, and no combination of them, is farther from the optimum than that many of its own standard deviations. That is
-a test on the gradient, in the only norm that knows the units; the cost alone never counts as convergence.
+a test on the gradient, in the only norm that knows the units; the cost alone never counts as convergence. Where the
+rounding of the cost hides progress, full steps go on while the decrement falls; what it takes for them to converge fast
+is in `newton`.
 Sources: Nocedal & Wright, "Numerical Optimization" (2006), ch. 4 and 10; Marquardt (1963); Powell (1970).
 """
 
@@ -25,6 +27,7 @@ from teamslam.errors import InputError, SolveError
 from teamslam.geometry import Array
 from teamslam.model import Values
 from teamslam.solver.linear import Factor, Matrix
+from teamslam.solver.newton import Bend
 from teamslam.solver.system import Linearised, System
 
 
@@ -172,7 +175,7 @@ class LevenbergMarquardt:
             self.damping = 0.0 if self.damping < self._LEAST else self.damping
             self._growth = 2.0
             return True
-        self.damping = max(self.damping * self._growth, self._FIRST)
+        self.damping = self.damping * self._growth or self._FIRST
         self._growth *= 2.0
         if self.damping > self._MOST:
             raise StopIteration
@@ -231,7 +234,6 @@ RULES: dict[str, Callable[[], Rule]] = {
 }
 
 DEFAULTS = Options()
-_NEAR = 3.0  # [sigmas]
 _SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H nearly as it is
 _ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
@@ -258,24 +260,23 @@ def optimise(
     if factor is None:
         factor = system.factor(start)
     status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
-    floor, near, curved, settled = 10.0 * system.rounding(start), _NEAR, False, False
+    floor, bend, settled = 10.0 * system.rounding(start), Bend(), False
     while len(history) < options.max_iterations:
         try:
             again = _chord_step(factor, at, decrement) if settled else None
             delta, predicted, full_step = again or rule.propose(factor, at)
         except SolveError:
-            if not curved:
+            if not bend.retreat():
                 raise
-            # The losses bend H out of shape: too far from the optimum for their curvature.
-            near, curved, settled, at = 0.3 * near, False, False, system.linearise(values)
+            settled, at = False, system.linearise(values)
             continue
-        decrement = float(np.sqrt(max(predicted, 0.0))) if full_step else np.nan
+        distance = float(np.sqrt(max(predicted, 0.0)))
+        decrement = distance if full_step else np.nan
         candidate = system.retract(values, delta)
         small = full_step and (decrement <= options.decrement or predicted <= options.cost_share * at.cost)
-        # Reweighting is sure but slow, the loss's curvature fast but only near the optimum: within a few sigmas of it.
-        curved = curved or decrement < near
         settling = full_step and decrement < _SETTLED * np.sqrt(len(delta))
-        after = system.linearise(candidate, curved=curved, lazy=settling and not small)
+        bend.see(distance)
+        after = system.linearise(candidate, curvature="none" if small else bend.curvature, lazy=settling and not small)
         actual = at.cost - after.cost
         if small:
             # The last step is far below what matters; it is taken unless rounding makes it worse than it is worth.
@@ -286,15 +287,14 @@ def optimise(
             status = Status.CONVERGED
             break
         gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
-        if full_step and predicted <= floor * np.sqrt(at.cost + 1.0):
+        # A sum of large terms of both signs rounds earlier than one of squares does.
+        hidden = predicted <= floor * np.sqrt(at.cost + 1.0) or (gain <= 0.0 and predicted <= _ROUNDING * at.cost)
+        if full_step and hidden:
             # Too small a decrease to be seen in the cost: the full step is trusted while the decrement still falls.
             if not decrement < 0.5 * best:
                 status = Status.FLAT
                 break
             best, gain = decrement, 1.0
-        elif full_step and gain <= 0.0 and predicted <= _ROUNDING * at.cost:
-            status = Status.FLAT  # the cost is a sum of large terms of both signs, which rounds earlier
-            break
         try:
             accepted = rule.hear(gain)
         except StopIteration:
@@ -342,7 +342,7 @@ def _solution(
         status=status,
         decrement=decrement,
         history=tuple(history),
-        hessian=system.linearise(values).hessian if robust else at.hessian,  # the steps may hold a loss's curvature
+        hessian=at.hessian if at.curvature == "none" else system.linearise(values).hessian,
     )
 
 

@@ -19,6 +19,7 @@ from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, IntArray
 from teamslam.model import Layout, Loss, Names, Submap, Table, Values, pack
 from teamslam.solver.linear import Factor, Matrix, block_matrix
+from teamslam.solver.newton import Curvature
 from teamslam.solver.numeric import linearise_numerically
 
 
@@ -43,10 +44,12 @@ class SubmapTerm:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """A problem at one point: its cost, g, and H over the free unknowns, which is made when it is asked for."""
+    """A problem at one point: its cost, g, and H over the free unknowns, with what `curvature` it holds; H is made when
+    it is asked for."""
 
     cost: float
     gradient: Array
+    curvature: Curvature
     made: Callable[[], Matrix]
 
     @cached_property
@@ -86,31 +89,27 @@ class System:
         if homes is not None:
             self._problem.set_homes(homes)
         self._handles = [self._add_table(table) for table in self.tables]
-        self._robust = [
-            handle
-            for handle, table in zip(self._handles, self.tables, strict=True)
-            if table.row.native and table.loss.name != "squared"
-        ]
+        self._robust = any(table.row.native and table.loss.name != "squared" for table in self.tables)
         self._submap_handles = self._add_submaps(self.submaps)
         self._analysis: kernel.Analysis | None = None
+        self._curvature: Curvature = "none"
 
     # --- what the optimiser asks --------------------------------------------------------------------------------
 
-    def linearise(self, values: Values, *, curved: bool = False, lazy: bool = False) -> Linearised:
+    def linearise(self, values: Values, *, curvature: Curvature = "none", lazy: bool = False) -> Linearised:
         """Cost, gradient g and H at `values`.
 
-        `curved`: H also holds the curvature of robust losses along their residuals, for steps that converge like
-        Newton's; without it H is the information, in which a robust loss is a weight. `lazy`: H is not expected to be
-        wanted, and left until it is where that saves work (between submaps, most of it).
+        `curvature`: what H holds beyond the information J'W'WJ, in which a robust loss is a weight, for steps that
+        converge like Newton's (see `newton`). Sensors that people added have no curvature. `lazy`: H is not expected to
+        be wanted, and left until it is where that saves work (between submaps, most of it).
         """
         if lazy and not self.tables:
             slope = self._problem.slope(values.state)
-            return Linearised(*slope, lambda: self.linearise(values).hessian)
-        for handle in self._robust:
-            self._problem.set_curved(handle, curved)
+            return Linearised(*slope, curvature, lambda: self.linearise(values, curvature=curvature).hessian)
+        self._set_curvature(curvature if curvature == "all" or self._robust else "none")
         blocks = self._numeric_blocks(values)
         cost, gradient, hessian = self._problem.linearise(values.state, blocks)
-        return Linearised(cost, gradient, lambda: Matrix(self.pattern, hessian, self._analysis))
+        return Linearised(cost, gradient, self._curvature, lambda: Matrix(self.pattern, hessian, self._analysis))
 
     def factor(self, values: Values) -> Factor:
         """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
@@ -182,6 +181,16 @@ class System:
         ]
         held = self.layout.keys[~self.free.contains(self.layout.keys)]
         return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names, homes=self._homes)
+
+    # --- inside -------------------------------------------------------------------------------------------------
+
+    def _set_curvature(self, curvature: Curvature) -> None:
+        if curvature == self._curvature:
+            return
+        native = [h for h, table in zip(self._handles, self.tables, strict=True) if table.row.native]
+        for handle in [*native, *self._submap_handles]:
+            self._problem.set_curvature(handle, curvature)
+        self._curvature = curvature
 
     # --- building -----------------------------------------------------------------------------------------------
 

@@ -1,0 +1,64 @@
+"""The law of exact joining: its estimate is that of the full least squares, which finds it from elsewhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from teamslam.joining import Joined, exact_join, full, join, split
+from teamslam.joining.build import build
+from teamslam.model import Dataset, Loss
+from teamslam.solver import Options
+from worlds import WORLDS, mixed_team, team
+
+TO_ROUNDING = Options(decrement=1e-12, cost_share=0.0)
+
+TEAMS = {
+    **{world: lambda world=world: team(world, sigma=0.05, sigma_odometry=0.05) for world in WORLDS},
+    "mixed": mixed_team,
+    "ranges": lambda: team("2d", robot_model="range", sigma=0.1, sigma_odometry=0.05),
+    "ranges in space": lambda: team("3d", robot_model="range", sigma=0.1, sigma_odometry=0.05),
+    "robust": lambda: team("planar", sigma=0.05, sigma_odometry=0.05).with_loss(Loss("cauchy", 1.0)),
+}
+
+
+def perturbed(joined: Joined, sigma: float, seed: int) -> Joined:
+    """The same map, every unknown moved at random [m, rad]."""
+    rng = np.random.default_rng(seed)
+    components = []
+    for component in joined.components:
+        values = component.map.values
+        moved = values.retract(sigma * rng.standard_normal(values.layout.dof))
+        components.append(replace(component, map=replace(component.map, values=moved)))
+    return replace(joined, components=tuple(components))
+
+
+def assert_equal(exact: Joined, found: Joined) -> None:
+    """Costs to 1e-10 of them, estimates to 1e-8 m and rad."""
+    assert exact.converged and found.converged
+    assert len(exact.components) == len(found.components)
+    for mine, other in zip(exact.components, found.components, strict=True):
+        assert abs(mine.map.cost - other.map.cost) <= 1e-10 * other.map.cost
+        np.testing.assert_allclose(mine.map.values.minus(other.map.values), 0.0, atol=1e-8)
+        assert mine.exactness is not None and mine.exactness.relative_cost_gap <= 1e-10
+
+
+def assert_law(dataset: Dataset, sigma: float = 0.01) -> None:
+    """Exact joining against full least squares from the paper's join, and from that join perturbed."""
+    exact = exact_join(split(dataset))
+    start = join([build(piece) for piece in split(dataset)])
+    assert_equal(exact, full(dataset, initial=start, options=TO_ROUNDING))
+    assert_equal(exact, full(dataset, initial=perturbed(start, sigma, 1), options=TO_ROUNDING))
+
+
+@pytest.mark.parametrize("which", TEAMS)
+def test_exact_joining_finds_what_full_least_squares_finds(which: str) -> None:
+    assert_law(TEAMS[which]())
+
+
+def test_large_residuals_that_bend_need_few_rounds() -> None:
+    """Gauss-Newton alone leaves most of the distance with each round; with what residuals bend, rounds are Newton's."""
+    dataset = team("2d", robot_model="range", sigma=0.8, sigma_odometry=0.05, every=1, sees=0.2, seed=5)
+    report = exact_join(split(dataset)).components[0].exactness
+    assert report is not None and report.gradient_norm < 1e-9
+    assert report.rounds <= 12
