@@ -62,3 +62,13 @@ def test_large_residuals_that_bend_need_few_rounds() -> None:
     report = exact_join(split(dataset)).components[0].exactness
     assert report is not None and report.gradient_norm < 1e-9
     assert report.rounds <= 12
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_robot_alone_that_fits_exactly_needs_no_rounds_to_say_so(world: str) -> None:
+    """Its cost is zero but for rounding, of which no share is left to gain."""
+    dataset = team(world, robots=1)
+    odometry = dataset.with_tables(t for t in dataset.tables if t.source == "odometry")
+    exact = exact_join(split(odometry))
+    report = exact.components[0].exactness
+    assert exact.converged and report is not None and report.rounds <= 5

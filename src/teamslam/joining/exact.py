@@ -221,7 +221,7 @@ class _Team:
         for _ in range(max_rounds):
             ahead = self._round(bend)
             sent += 8 * ahead.numbers
-            if ahead.decrement > FALLS * last and ahead.decrease <= UNSEEN * ahead.cost:
+            if ahead.decrement > FALLS * last and ahead.decrease <= self._unseen(ahead.cost):
                 status = Status.FLAT
                 break
             bend.see(ahead.decrement)
@@ -237,6 +237,11 @@ class _Team:
                 status = Status.CONVERGED  # and the last step, already known, is taken
                 break
         return self._finish(component, status, history, sent)
+
+    def _unseen(self, cost: float) -> float:
+        """The decrease of F that its rounding hides: a share of F, or where F is next to nothing that of residuals."""
+        residual = max(part.system.rounding(part.values) for part in self.parts)
+        return max(UNSEEN * cost, 10.0 * residual * float(np.sqrt(cost + 1.0)))
 
     def _descend(self, ahead: "_Ahead") -> float:
         """Go the largest share of the step (1, 1/2, 1/4, ...) that does not raise F, and say which; 0 for none."""

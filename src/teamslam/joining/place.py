@@ -3,7 +3,8 @@
     strands:  consecutive submaps of a robot share their boundary pose, so their frames compose
     clusters: grow from the first strand; in each round the one that is held most firmly by what it shares with the
               cluster (poses, landmarks, raw sightings of each other's robots) is attached by one robust rigid fit
-    trusses:  clusters that no pair holds but that are rigid together are assembled, in every way that fits
+    trusses:  clusters that no pair holds by what it shares, but that are rigid together or by the ranges between their
+              robots, are assembled, in every way that fits
     second look: every strand is fitted once more, to all the others of its cluster
 
 What nothing holds starts a cluster of its own: separate components, with the reason in words. One shared pose holds a
@@ -17,8 +18,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from teamslam.geometry import IntArray, Pose
-from teamslam.joining.assemble import assemblies, freedom
+from teamslam.joining.assemble import assemblies, freedom, left_open
 from teamslam.joining.link import Link, link
+from teamslam.joining.rods import Ranges
 from teamslam.joining.sketch import Sketch, known_keys, sketch_strand
 from teamslam.joining.strands import strands_of
 from teamslam.model import Names, Submap, is_landmark, is_pose, robot_of
@@ -69,7 +71,8 @@ class _Placing:
         self.submaps, self.strands = submaps, strands
         known = [np.unique(np.concatenate([known_keys(submaps[m]) for m in members])) for members, _ in strands]
         keys, times = np.unique(np.concatenate(known), return_counts=True)
-        shared = keys[times > 1]
+        self.ranges = Ranges.of(t for members, _ in strands for m in members for t in submaps[m].raw)
+        shared = np.union1d(keys[times > 1], self.ranges.keys)
         self.sketches = [
             sketch_strand([submaps[m] for m in members], frames, shared) if np.isin(of, shared).any() else _nothing()
             for (members, frames), of in zip(strands, known, strict=True)
@@ -164,11 +167,12 @@ class _Placing:
     def _truss(self, bodies: list[_Body]) -> tuple[tuple[int, ...], list[list[Pose]]] | None:
         """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
         dims = [2 if self.planar[next(iter(body.placed))] else 3 for body in bodies]
-        for places in itertools.islice(_candidates([body.sketch.keys for body in bodies]), TRIES):
+        known = [body.sketch.keys for body in bodies]
+        for places in itertools.islice(_candidates(known, self.ranges), TRIES):
             dim = dims[places[0]]
             if any(dims[n] != dim for n in places):
                 continue  # robots of the ground and of the air: a truss of both is not looked for
-            found = assemblies([bodies[n].sketch for n in places], dim)
+            found = assemblies([bodies[n].sketch for n in places], dim, self.ranges)
             if found:
                 return places, found
         return None
@@ -198,8 +202,14 @@ class _Placing:
         for body in bodies[1:]:
             first = next(iter(body.placed))
             submap = self.submaps[self.strands[first][0][0]]
-            links = [self._link(other, body) for other in bodies if other is not body]
-            closest = max(links, key=lambda found: (found.firmness, len(found.shared)))
+            others = [other for other in bodies if other is not body]
+            heard = self.ranges.between([body.sketch.keys, *(other.sketch.keys for other in others)])[0, 1:]
+            if heard.any():
+                most = others[int(np.argmax(heard))]
+                loose = left_open([most.sketch, body.sketch], 2 if self.planar[first] else 3, self.ranges)
+                out.append(_why_not_by_ranges(submap, int(heard.max()), loose))
+                continue
+            closest = max((self._link(o, body) for o in others), key=lambda found: (found.firmness, len(found.shared)))
             out.append(_why(submap, closest, body.sketch, self.planar[first]))
         return out
 
@@ -219,23 +229,41 @@ def _differ(one: dict[int, Pose], other: dict[int, Pose]) -> bool:
     return any(np.abs(one[s].minus(other[s])).max() > 1e-3 for s in one)
 
 
-def _candidates(known: Sequence[IntArray]) -> Iterator[tuple[int, ...]]:
-    """Sets of three and more bodies of which each shares something with two others, small sets first."""
+def _candidates(known: Sequence[IntArray], ranges: Ranges) -> Iterator[tuple[int, ...]]:
+    """Sets of bodies that may be rigid together, small sets first: pairs with ranges, those with most of them before
+    others; three and more of which each shares something with two others or has ranges to one."""
     n = len(known)
-    meets = np.zeros((n, n), bool)
+    heard = ranges.between(known)
+    pairs = sorted(itertools.combinations(range(n), 2), key=lambda pair: -heard[pair])
+    yield from (pair for pair in pairs if heard[pair])
+    ties = np.where(heard > 0, 2, 0)
     for a, b in itertools.combinations(range(n), 2):
-        meets[a, b] = meets[b, a] = np.isin(known[a], known[b]).any()
-    around = np.flatnonzero(meets.sum(1) >= 2)
+        ties[a, b] = ties[b, a] = max(ties[a, b], int(np.isin(known[a], known[b]).any()))
+    around = np.flatnonzero(ties.sum(1) >= 2)
     for size in range(3, TRUSS + 1):
         for places in itertools.combinations(around.tolist(), size):
-            if (meets[np.ix_(places, places)].sum(1) >= 2).all():
+            if (ties[np.ix_(places, places)].sum(1) >= 2).all():
                 yield places
 
 
-def _why(submap: Submap, found: Link, sketch: Sketch, planar: bool) -> str:
+def _who(submap: Submap) -> str:
     names: Names = submap.names
-    robot = names.robot(int(robot_of(submap.base)))
-    who = f"the submaps of robot {robot} from {names.describe(submap.base)} on"
+    return f"the submaps of robot {names.robot(int(robot_of(submap.base)))} from {names.describe(submap.base)} on"
+
+
+def _why_not_by_ranges(submap: Submap, heard: int, loose: int) -> str:
+    tied = f"{_who(submap)} are tied to the map by {heard} range{'' if heard == 1 else 's'} between robots"
+    if not loose:
+        return f"{tied}, but no frame fits them; look for wrong ranges, or for odometry that is worse than it says"
+    return (
+        f"{tied}, which at these sigmas leave {loose} direction{'' if loose == 1 else 's'} of their frame open: "
+        f"under-constrained; ranges from other sides and farther apart, one more common landmark, or one sighting of a "
+        f"robot's pose, would join them"
+    )
+
+
+def _why(submap: Submap, found: Link, sketch: Sketch, planar: bool) -> str:
+    names, who = submap.names, _who(submap)
     marks = found.shared[is_landmark(found.shared)]
     if not len(found.shared):
         return (

@@ -41,6 +41,12 @@ class Sketch:
         first = order[np.concatenate([[True], keys[order][1:] != keys[order][:-1]])] if len(order) else order
         return cls(*(column[first] for column in columns))
 
+    @classmethod
+    def beside(cls, parts: Sequence["Sketch"]) -> tuple["Sketch", IntArray]:
+        """All rows of several sketches, each in its own frame still, and which sketch each row is from."""
+        columns = [np.concatenate(column) for column in zip(*(part.columns for part in parts), strict=True)]
+        return cls(*columns), np.repeat(np.arange(len(parts)), [len(part.keys) for part in parts])
+
     @property
     def columns(self) -> tuple[AnyArray, ...]:
         """The fields in their order."""
