@@ -77,6 +77,19 @@ def test_a_robot_that_stood_still_may_have_looked_anywhere(rng: np.random.Genera
     assert left_open([bodies[0], still], 2, heard) == 1
 
 
+def test_straight_ways_have_a_mirror_image() -> None:
+    """Both robots drove straight on: seen from the first, the second may have passed on its left or its right."""
+    along = np.linspace(0.0, 6.0, 20)[:, None] * np.array([[1.0, 0.0]])
+    when = np.random.default_rng(0).permutation(20)
+    frame = Pose.from_xytheta(np.array([1.0, 2.0, 0.7]))
+    lengths = np.linalg.norm(along - frame.act(along[when]), axis=-1)
+    keys = np.stack([np.arange(20), 20 + when], -1)
+    ranges = Ranges(keys, np.zeros((20, 3)), lengths, np.full(20, 1e-3), np.zeros(20, bool))
+    found = assemblies([way(np.arange(20), along), way(20 + np.arange(20), along)], 2, ranges)
+    seen = sorted(f[1].xytheta().round(4).tolist() for f in found)
+    np.testing.assert_allclose(seen, [[1.0, -2.0, -0.7], [1.0, 2.0, 0.7]], atol=1e-3)
+
+
 def test_very_many_rods_are_thinned_evenly() -> None:
     bodies, ranges = two_ways(np.random.default_rng(0), 2, Pose.identity(2), 5 * MOST)
     rods = Rods.of(ranges, bodies, 2)
