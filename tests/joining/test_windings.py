@@ -52,17 +52,19 @@ def test_bends_keep_the_steps_and_turn_the_heading_evenly(rng: np.random.Generat
     np.testing.assert_allclose(sorted(ends), [-SPACING, 0.0, SPACING], atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 13, 51])
+@pytest.mark.parametrize("seed", [1, 3, 13, 51, 650, 1843])
 def test_a_noisy_team_reaches_the_cost_of_a_start_from_the_truth(seed: int) -> None:
-    """The paper's highest noise, where dead reckoning alone ends in local minima in these four runs: in 1 and 13 one
-    submap winds the wrong way round, in 3 and 51 the wrong one even fits its own measurements better."""
+    """The paper's highest noise, where dead reckoning alone ends in local minima in the first four runs: in 1 and 13
+    one submap winds the wrong way round, in 3 and 51 the wrong one even fits its own measurements better. In 650 and
+    1843 no optimum of the submaps leads to the team's; the ways they started from do."""
     dataset = simulate_paper(PaperOptions("minimum", 12, 0.3, 0.4), seed)
     found = full(dataset).map
     assert found.cost <= from_truth(dataset, found.base).cost * (1.0 + 1e-6)
 
 
-def test_exact_joining_makes_the_same_choice() -> None:
-    dataset = simulate_paper(PaperOptions("minimum", 12, 0.3, 0.4), 3)
+@pytest.mark.parametrize("seed", [3, 650])
+def test_exact_joining_makes_the_same_choice(seed: int) -> None:
+    dataset = simulate_paper(PaperOptions("minimum", 12, 0.3, 0.4), seed)
     assert exact_join(split(dataset)).map.cost == pytest.approx(full(dataset).map.cost, rel=1e-9)
 
 

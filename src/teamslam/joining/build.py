@@ -71,6 +71,20 @@ def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[S
     return [submap for submap, _ in _optima(piece, None, 0, options, None)]
 
 
+def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
+    """What a team's least squares over all measurements may start from: `build_alternatives`, and after them, where
+    dead reckoning loses the heading, the ways that were tried, bent and as they are.
+
+    Alone a robot makes one and the same map of these, but the team's optimum may lie nearer to another. They stand at
+    their own places with the best map's information: starts, and no measurements.
+    """
+    optima = build_alternatives(piece, options=options)
+    ways, keys = _ways(piece, _the_robot(piece)), optima[0].values.layout.keys
+    if len(ways) < 2:
+        return optima
+    return optima + [replace(optima[0], values=w.only(keys)) for w in ways if w.layout.contains(keys).all()]
+
+
 def _optima(
     piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
 ) -> Iterator[tuple[Submap, Solution]]:
@@ -128,16 +142,21 @@ def _apart(system: System, one: Solution, other: Solution) -> bool:
 
 def _starts(piece: Dataset, robot: int, options: Options) -> list[Values]:
     """Start values of everything that the piece's measurements fix, in the frame of its first pose."""
+    if ways := _ways(piece, robot):
+        return ways
     parts = split(piece, heading_sigma=HEADING_SIGMA)
-    if len(parts) == 1:
-        kinds = _local_kinds(piece.layout, piece.robots[robot])
-        way = dead_reckoning(piece, robot)
-        variances, _ = odometry_along(piece, robot, way.layout.keys)
-        return [
-            triangulate(place_targets(bent, piece.tables, kinds), piece.tables) for bent in windings(way, variances)
-        ]
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
     return [join((build(part, options=options) for part in parts), options=rough).map.all_values]
+
+
+def _ways(piece: Dataset, robot: int) -> list[Values]:
+    """Starts by dead reckoning, as it is and bent; none where the piece is too long for it to be a start."""
+    if len(split(piece, heading_sigma=HEADING_SIGMA)) > 1:
+        return []
+    kinds = _local_kinds(piece.layout, piece.robots[robot])
+    way = dead_reckoning(piece, robot)
+    variances, _ = odometry_along(piece, robot, way.layout.keys)
+    return [triangulate(place_targets(bent, piece.tables, kinds), piece.tables) for bent in windings(way, variances)]
 
 
 def _local_kinds(layout: Layout, dim: int) -> Layout:

@@ -1,8 +1,9 @@
 """Which local optimum of each submap the team agrees with.
 
 A robot's own measurements may fit two maps of its way almost equally well, wound one way or the other; what decides is
-the team's cost F. From the lowest optimum of every submap, one submap at a time is exchanged for another of its optima
-while F falls (coordinate descent over the few that there are); no combination is solved twice.
+the team's cost F. From the lowest optimum of every submap, one submap at a time is exchanged for another of its optima,
+or of the ways to start from, while F falls (coordinate descent over the few that there are); no combination is solved
+twice.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from teamslam.model import Submap
 def lowest(alternatives: Sequence[Sequence[Submap]], solve: Callable[[Sequence[Submap]], Joined]) -> Joined:
     """The joined map of the lowest cost that `solve` finds over choices of one submap from each of `alternatives`.
 
-    `alternatives[i]`: the optima of piece i, lowest first; where each has one, `solve` is called once.
+    `alternatives[i]`: those of piece i as `build_choices` gives them; where each has one, `solve` is called once.
     """
     choice = [0] * len(alternatives)
     best = solve([options[0] for options in alternatives])

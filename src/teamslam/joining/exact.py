@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.joining.build import build_alternatives, gaussian_part
+from teamslam.joining.build import build_choices, gaussian_part
 from teamslam.joining.choose import lowest
 from teamslam.joining.join import (
     Component,
@@ -133,7 +133,7 @@ def exact_join(
     component carries its `exactness`; one that did not get there within `max_rounds` says so in its status. Law: the
     estimate is that of `full` on the same data. Raises as `build` and `join` do.
     """
-    alternatives = [build_alternatives(piece, options=options) for piece in pieces]
+    alternatives = [build_choices(piece, options=options) for piece in pieces]
     raw_of = {found[0].id: piece for piece, found in zip(pieces, alternatives, strict=True)}
     refuse_double_counting(in_order(found[0] for found in alternatives))
     rough = replace(options, decrement=max(options.decrement, 1e-3))

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.joining.build import ROUGH, build_alternatives
+from teamslam.joining.build import ROUGH, build_choices
 from teamslam.joining.choose import lowest
 from teamslam.joining.join import Component, Joined, join
 from teamslam.joining.split import split
@@ -35,7 +35,7 @@ def full(
     if initial is not None:
         return _from(dataset, initial, options, progress)
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
-    alternatives = [build_alternatives(piece, options=options) for piece in split(dataset)]
+    alternatives = [build_choices(piece, options=options) for piece in split(dataset)]
     return lowest(alternatives, lambda submaps: _from(dataset, join(submaps, options=rough), options, progress))
 
 
