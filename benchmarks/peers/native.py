@@ -8,6 +8,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 BUILD = HERE.parent.parent / "build" / "benchmarks"
+G2O = HERE.parent.parent / "build" / "g2o"
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ PROGRAMS = {
             "-lg2o_solver_cholmod", "-lg2o_solver_eigen", "-lg2o_types_slam2d", "-lg2o_types_slam3d", "-lg2o_core",
             "-lg2o_stuff", "-lcholmod",
         ),
-        "Debian has no package; build it from source and name the folder that holds its include/ and lib/ in G2O_ROOT",
+        "Debian has no package; python benchmarks/peers/build_g2o.py builds it, or name its folder in G2O_ROOT",
         "G2O_ROOT",
     ),
 }  # fmt: skip
@@ -47,8 +48,14 @@ def missing(name: str) -> str:
     program = PROGRAMS[name]
     if shutil.which("g++") is None:
         return "no g++; apt-get install g++"
-    roots = [Path(os.environ.get(program.prefix, "/usr")), Path("/usr/local"), Path("/usr")]
-    return "" if any((root / "include" / program.header).exists() for root in roots) else program.install
+    roots = [_root(program), Path("/usr/local"), Path("/usr")]
+    return "" if any(root and (root / "include" / program.header).exists() for root in roots) else program.install
+
+
+def _root(program: Program) -> Path | None:
+    """Where a program's library was installed by hand."""
+    named = os.environ.get(program.prefix) if program.prefix else None
+    return Path(named) if named else G2O if program.prefix and G2O.exists() else None
 
 
 def compiled(name: str) -> Path:
@@ -58,7 +65,7 @@ def compiled(name: str) -> Path:
     if binary.exists() and binary.stat().st_mtime > max(s.stat().st_mtime for s in sources):
         return binary
     BUILD.mkdir(parents=True, exist_ok=True)
-    root = os.environ.get(program.prefix) if program.prefix else None
+    root = _root(program)
     where = [f"-I{root}/include", f"-L{root}/lib", f"-Wl,-rpath,{root}/lib"] if root else []
     command = ["g++", "-std=c++17", "-O3", "-DNDEBUG", *where, *(f"-I{folder}" for folder in INCLUDES)]
     command += [str(HERE / program.source), "-o", str(binary), *(f for f in program.flags)]

@@ -35,14 +35,15 @@ from teamslam.solver.system import Linearised, System
 class Options:
     """How to solve.
 
-    `rule`: a row of RULES. It has converged when the Newton decrement is at most `decrement` [sigmas], or the decrease
-    still to be had is below `cost_share` of the cost. Raises InputError for values that make no sense.
+    `rule`: a row of RULES. It has converged when the Newton decrement is at most `decrement` [sigmas], or when the
+    decrease still to be had after a step is below `cost_share` of the cost. Raises InputError for values that make no
+    sense.
     """
 
     rule: str = "levenberg_marquardt"
     max_iterations: int = 300
     decrement: float = 1e-6
-    cost_share: float = 1e-14
+    cost_share: float = 1e-20
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:
@@ -86,7 +87,8 @@ class Solution:
     """An estimate and how it came about.
 
     `cost` = sum of losses, `chi2` = sum of squared whitened residuals (equal for the squared loss), both without a
-    factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `hessian` H at the estimate, over the free unknowns.
+    factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `decrement` how far the optimum still is at most, in
+    sigmas, where it has converged; `hessian` H at the estimate, over the free unknowns.
     """
 
     values: Values
@@ -235,6 +237,7 @@ RULES: dict[str, Callable[[], Rule]] = {
 
 DEFAULTS = Options()
 _SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H nearly as it is
+_CAUTION = 4.0  # how much larger the share that a step leaves may be than that of the step before
 _ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
@@ -259,7 +262,7 @@ def optimise(
         return _solution(system, values, at, Status.EMPTY, 0.0, history)
     if factor is None:
         factor = system.factor(start)
-    status, decrement, best = Status.MAX_ITERATIONS, np.inf, np.inf
+    status, decrement, before, best = Status.MAX_ITERATIONS, np.inf, np.nan, np.inf
     floor, bend, settled = 10.0 * system.rounding(start), Bend(), False
     while len(history) < options.max_iterations:
         try:
@@ -273,7 +276,8 @@ def optimise(
         distance = float(np.sqrt(max(predicted, 0.0)))
         decrement = distance if full_step else np.nan
         candidate = system.retract(values, delta)
-        small = full_step and (decrement <= options.decrement or predicted <= options.cost_share * at.cost)
+        ahead = _ahead(decrement, before)
+        small = full_step and (decrement <= options.decrement or ahead**2 <= options.cost_share * at.cost)
         settling = full_step and decrement < _SETTLED * np.sqrt(len(delta))
         bend.see(distance)
         after = system.linearise(candidate, curvature="none" if small else bend.curvature, lazy=settling and not small)
@@ -284,7 +288,7 @@ def optimise(
             largest = float(np.abs(delta).max())
             history.append(Step(at.cost, decrement, largest, rule.damping, bool(taken), _since(began)))
             values, at = (candidate, after) if taken else (values, at)
-            status = Status.CONVERGED
+            status, decrement = Status.CONVERGED, ahead
             break
         gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
         # A sum of large terms of both signs rounds earlier than one of squares does.
@@ -306,8 +310,14 @@ def optimise(
             progress(history[-1])
         settled = accepted and settling
         if accepted:
-            values, at = candidate, after
+            values, at, before = candidate, after, decrement
     return _solution(system, values, at, status, decrement, history)
+
+
+def _ahead(decrement: float, before: float) -> float:
+    """How far from the optimum a step leaves us, by how much shorter it is than the one before (Deuflhard, "Newton
+    Methods for Nonlinear Problems", 2011, ch. 2): each leaves a share of the distance that hardly grows any more."""
+    return decrement * min(1.0, _CAUTION * decrement / before) if before > 0.0 else decrement
 
 
 def _chord_step(factor: Factor, at: Linearised, before: float) -> tuple[Array, float, bool] | None:
