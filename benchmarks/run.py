@@ -4,8 +4,8 @@
 
 Every solver gets the same arrays and the same start (dead reckoning), stops by its own rule when less than 1e-8 of the
 cost is to be gained (the peers once a step gained less than that, teamslam once the next step would, by how steps have
-shrunk), and its answer is judged by one neutral cost in NumPy: a row whose chi2 differs by more than 1e-8 from the least
-says so. Each measurement is a process of its own; rounds go through all solvers in turn, so that noise of the
+shrunk), and its answer is judged by one neutral cost in NumPy: a row whose chi2 differs by more than 1e-8 from the
+least says so. Each measurement is a process of its own; rounds go through all solvers in turn, so that noise of the
 machine falls on all alike. Times are medians over all rounds [ms], total = build + solve + read back, cpu the time of
 all threads in it; marginals are all landmarks' covariances, linearised and factorised anew. Peak memory is what the
 solver adds to its process [MB].

@@ -186,11 +186,12 @@ int32_t teamslam_set_homes(teamslam_problem* problem, const int64_t* home) {
   return guarded<int32_t>(-1, [&] { return problem->problem.retraction().set_homes(home), 0; });
 }
 
-int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[3]) {
+int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[5]) {
   return guarded<int32_t>(-1, [&] {
     problem->problem.freeze();
     const BlockPattern& pattern = problem->problem.pattern();
-    sizes[0] = pattern.variables(), sizes[1] = pattern.blocks(), sizes[2] = problem->problem.system_size();
+    sizes[0] = pattern.variables(), sizes[1] = pattern.blocks(), sizes[2] = pattern.size();
+    sizes[3] = pattern.scalars(), sizes[4] = problem->problem.system_size();
     return 0;
   });
 }

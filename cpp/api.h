@@ -64,8 +64,8 @@ TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t hand
 /* home: the variable that carries each one when it is retracted, or -1 (retraction.hpp). */
 TEAMSLAM_API int32_t teamslam_set_homes(teamslam_problem* problem, const int64_t* home);
 
-/* Fixes the structure. sizes: free variables, blocks, numbers of the linear system. */
-TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[3]);
+/* Fixes the structure. sizes: free variables, blocks, values of H, unknowns, numbers of the linear system. */
+TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[5]);
 TEAMSLAM_API void teamslam_pattern(const teamslam_problem* problem, int32_t* dof, int64_t* column_start, int32_t* row);
 
 /* system: [values of H | g | working room]. Each user's block must be named once: its e and J, whitened and weighted. */

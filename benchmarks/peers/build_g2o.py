@@ -48,7 +48,7 @@ def main() -> None:
 
 def unpacked(work: Path) -> Path:
     """The folder of the sources."""
-    run(sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:", "-d", work, "g2opy")
+    run(sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", "g2opy", "-d", work, "g2opy")
     (archive,) = work.glob("g2opy-*.tar.gz")
     with tarfile.open(archive) as tar:
         tar.extractall(work, filter="data")

@@ -1,6 +1,7 @@
 """Which blocks of a symmetric block matrix are stored."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +23,6 @@ class BlockPattern:
     dofs: NDArray[np.int32]
     column_start: NDArray[np.int64]
     row: NDArray[np.int32]
-    value_start: NDArray[np.int64] = field(init=False)
-    scalar_start: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
         dofs = integers("dofs", self.dofs, (None,))
@@ -42,26 +41,18 @@ class BlockPattern:
             raise ModelError("row: every column must begin with its diagonal block")
         if (np.diff(row)[np.diff(column) == 0] <= 0).any() or (n and (row.min() < 0 or row.max() >= n)):
             raise ModelError(f"row: rows must rise within a column and be below {n}")
-        self._set(dofs.astype(np.int32), column_start, row.astype(np.int32))
+        object.__setattr__(self, "dofs", dofs.astype(np.int32))
+        object.__setattr__(self, "column_start", column_start)
+        object.__setattr__(self, "row", row.astype(np.int32))
 
     @classmethod
     def trusted(
-        cls, dofs: NDArray[np.int32], column_start: NDArray[np.int64], row: NDArray[np.int32]
+        cls, dofs: NDArray[np.int32], column_start: NDArray[np.int64], row: NDArray[np.int32], size: int, scalars: int
     ) -> "BlockPattern":
-        """The pattern that these arrays say, from the kernel, which need not be checked."""
+        """The pattern that these arrays say, with its `size` and `scalars`: from the kernel, and not checked."""
         pattern = cls.__new__(cls)
-        pattern._set(dofs, column_start, row)
+        pattern.__dict__.update(dofs=dofs, column_start=column_start, row=row, size=size, scalars=scalars)
         return pattern
-
-    def _set(self, dofs: NDArray[np.int32], column_start: NDArray[np.int64], row: NDArray[np.int32]) -> None:
-        sizes = dofs.astype(np.int64)
-        heights = sizes[row]
-        heights *= np.repeat(sizes, np.diff(column_start))
-        object.__setattr__(self, "dofs", dofs)
-        object.__setattr__(self, "column_start", column_start)
-        object.__setattr__(self, "row", row)
-        object.__setattr__(self, "value_start", _starts(heights))
-        object.__setattr__(self, "scalar_start", _starts(sizes))
 
     @classmethod
     def from_pairs(cls, dofs: ArrayLike, first: ArrayLike, second: ArrayLike) -> "BlockPattern":
@@ -90,15 +81,26 @@ class BlockPattern:
         )
         return data, columns, start.astype(np.int32) if len(data) < 1 << 31 else start
 
-    @property
+    @cached_property
+    def value_start(self) -> NDArray[np.int64]:
+        """Where each block begins in the values, and their number."""
+        sizes = self.dofs.astype(np.int64)
+        return _starts(sizes[self.row] * np.repeat(sizes, np.diff(self.column_start)))
+
+    @cached_property
+    def scalar_start(self) -> NDArray[np.int64]:
+        """The first unknown of each variable, and the number of unknowns."""
+        return _starts(self.dofs.astype(np.int64))
+
+    @cached_property
     def size(self) -> int:
         """Numbers stored."""
         return int(self.value_start[-1])
 
-    @property
+    @cached_property
     def scalars(self) -> int:
         """Scalar unknowns: the matrix is scalars x scalars."""
-        return int(self.scalar_start[-1])
+        return int(self.dofs.sum())
 
 
 def _starts(lengths: NDArray[np.int64]) -> NDArray[np.int64]:

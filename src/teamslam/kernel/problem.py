@@ -262,21 +262,11 @@ class Problem:
         """
         x = self._state(state)
         pattern = self.pattern
-        handles, errors, jacobians, user_cost = self._user_blocks(blocks or {})
+        handles, e, J, user_cost = self._user_blocks(blocks or {}) if blocks or self._blocks else _NO_BLOCKS
         system = np.empty(self._system)
         with self._lock:
-            checked(
-                library.linearise(
-                    self._pointer,
-                    x,
-                    len(handles),
-                    handles,
-                    _addresses(errors),
-                    _addresses(jacobians),
-                    system,
-                    self._one,
-                )
-            )
+            count, at_e, at_J = len(e), _addresses(e), _addresses(J)
+            checked(library.linearise(self._pointer, x, count, handles, at_e, at_J, system, self._one))
             cost = float(self._one[0])
         size = pattern.size
         return cost + user_cost, system[size : size + pattern.scalars], system[:size]
@@ -333,13 +323,13 @@ class Problem:
             raise ModelError(f"handle {handle!r} is no {name} of this problem") from None
 
     def _freeze(self) -> BlockPattern:
-        sizes = np.empty(3, np.int64)
+        sizes = np.empty(5, np.int64)
         with self._lock:
             checked(library.freeze(self._pointer, sizes))
-        n, blocks, self._system = (int(size) for size in sizes)
+        n, blocks, size, scalars, self._system = sizes.tolist()
         dofs, column_start, row = np.empty(n, np.int32), np.empty(n + 1, np.int64), np.empty(blocks, np.int32)
         library.pattern(self._pointer, dofs, column_start, row)
-        return BlockPattern.trusted(dofs, column_start, row)
+        return BlockPattern.trusted(dofs, column_start, row, size, scalars)
 
     def _user_blocks(self, given: Blocks) -> tuple[Integers, list[Floats], list[Floats], float]:
         if set(given) != set(self._blocks):
@@ -354,6 +344,9 @@ class Problem:
             jacobians.append(J)
             total += float(cost)
         return np.array(list(self._blocks), np.int64), errors, jacobians, total
+
+
+_NO_BLOCKS: tuple[Integers, list[Floats], list[Floats], float] = (np.zeros(0, np.int64), [], [], 0.0)
 
 
 @cache
@@ -400,5 +393,7 @@ def _converted(name: str, given: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
     return narrow
 
 
-def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.uintp]:
+def _addresses(arrays: Sequence[NDArray[Any]]) -> NDArray[np.uintp] | None:
+    if not arrays:
+        return None
     return np.array([array.__array_interface__["data"][0] for array in arrays], np.uintp)

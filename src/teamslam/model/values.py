@@ -163,7 +163,9 @@ class Layout:
 
     def select(self, mask: BoolArray) -> "Layout":
         """The layout of the variables where mask (n,) is true."""
-        return Layout(self.keys[mask], self.kinds[mask])
+        part = Layout.__new__(Layout)  # in order and unique as the whole is
+        part.__dict__.update(keys=self.keys[mask], kinds=self.kinds[mask])
+        return part
 
     def union(self, *others: "Layout") -> "Layout":
         """All variables of several layouts. Raises ModelError where one key has two kinds."""
@@ -188,13 +190,16 @@ class Values:
         keys, kinds, states = [], [], []
         for kind in sorted(parts):
             part_keys, data = parts[kind]
-            order = np.argsort(part_keys, kind="stable")
-            keys.append(np.asarray(part_keys, np.int64)[order])
             kinds.append(np.full(len(part_keys), int(kind)))
             flat = pack(data)
             if flat.shape != (len(part_keys), kind.size):
                 raise ModelError(f"{kind.name} needs {len(part_keys)} rows of {kind.size} numbers, found {flat.shape}")
-            states.append(flat[order].ravel())
+            part_keys = np.asarray(part_keys, np.int64)
+            if not (part_keys[1:] > part_keys[:-1]).all():
+                order = np.argsort(part_keys, kind="stable")
+                part_keys, flat = part_keys[order], flat[order]
+            keys.append(part_keys)
+            states.append(flat.ravel())
         if not keys:
             return cls(Layout(np.zeros(0, np.int64), np.zeros(0, np.int64)), np.zeros(0))
         return cls(Layout(np.concatenate(keys), np.concatenate(kinds)), np.concatenate(states))

@@ -195,7 +195,7 @@ class System:
     # --- building -----------------------------------------------------------------------------------------------
 
     def _add_table(self, table: Table) -> int:
-        index = self.layout.index(table.keys).astype(np.int32)
+        index = self.layout.index(table.keys)
         if not table.row.native:
             return int(self._problem.add_blocks(index, table.row.residual_rows(table.dim)))
         sensor = None if table.sensor is None else pack(table.sensor.lift(3) if table.dim == 3 else table.sensor)
