@@ -32,7 +32,7 @@ HERE = Path(__file__).parent
 SAME_OPTIMUM = 1e-8
 FAR_OFF = 1e-2  # more than another model of the same noise explains
 ROUNDS = {"small": 5, "medium": 3, "large": 1}
-REPETITIONS = {"small": 9, "medium": 3, "large": 1}
+REPETITIONS = {"small": 51, "medium": 3, "large": 1}
 EVERYWHERE = ("small", "medium", "large")
 
 
