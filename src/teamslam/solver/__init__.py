@@ -4,7 +4,9 @@ from teamslam.solver.covariance import Covariances
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
-from teamslam.solver.optimise import RULES, Options, Solution, Status, Step, convex_start, optimise
+from teamslam.solver.optimise import Options, convex_start, optimise
+from teamslam.solver.rules import RULES
+from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
 
 __all__ = [

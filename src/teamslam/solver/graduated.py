@@ -21,7 +21,8 @@ from scipy.stats import chi2
 from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray
 from teamslam.model import Values
-from teamslam.solver.optimise import DEFAULTS, Options, Solution, optimise
+from teamslam.solver.optimise import DEFAULTS, Options, optimise
+from teamslam.solver.solution import Solution
 from teamslam.solver.system import System
 
 _GROWTH = 1.4  # of mu per round, the factor of the paper

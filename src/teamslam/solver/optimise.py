@@ -1,4 +1,4 @@
-"""One loop for every least-squares problem; Gauss-Newton, Levenberg-Marquardt and dogleg are step rules.
+"""One loop for every least-squares problem; Gauss-Newton, Levenberg-Marquardt and dogleg are step rules (`rules`).
 
     repeat   linearise -> ask the rule for a step d -> try x (+) d -> tell the rule how well the model predicted
 
@@ -10,24 +10,21 @@ variable, and no combination of them, is farther from the optimum than that many
 a test on the gradient, in the only norm that knows the units; the cost alone never counts as convergence. Where the
 rounding of the cost hides progress, full steps go on while the decrement falls; what it takes for them to converge fast
 is in `newton`.
-Sources: Nocedal & Wright, "Numerical Optimization" (2006), ch. 4 and 10; Marquardt (1963); Powell (1970).
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import InputError, SolveError
 from teamslam.geometry import Array
 from teamslam.model import Values
-from teamslam.solver.linear import Factor, Matrix
+from teamslam.solver.linear import Factor
 from teamslam.solver.newton import Bend
+from teamslam.solver.rules import RULES, dot
+from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, System
 
 
@@ -54,191 +51,11 @@ class Options:
             raise InputError("decrement must be above zero and cost_share not below it")
 
 
-class Status(Enum):
-    """How a run ended, as a sentence."""
-
-    CONVERGED = "Converged: the gradient is zero to within the tolerance, in sigmas of every variable."
-    FLAT = "Converged: no step lowers the cost any more, and what is left is rounding."
-    EMPTY = "Nothing to estimate: every variable is fixed."
-    MAX_ITERATIONS = "Stopped at the limit of iterations before the gradient was small enough."
-    STUCK = "Stopped: no step lowers the cost although the gradient is not small; the start may be too far off."
-
-    @property
-    def converged(self) -> bool:
-        """True where the estimate is a (local) optimum."""
-        return self in (Status.CONVERGED, Status.FLAT, Status.EMPTY)
-
-
-@dataclass(frozen=True)
-class Step:
-    """One iteration: the cost before it, the Newton decrement [sigmas] (nan where the step was damped), the largest
-    change, the damping or trust radius, whether it was taken, and the seconds since the start."""
-
-    cost: float
-    decrement: float
-    step_norm: float
-    damping: float
-    accepted: bool
-    seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """An estimate and how it came about.
-
-    `cost` = sum of losses, `chi2` = sum of squared whitened residuals (equal for the squared loss), both without a
-    factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `decrement` how far the optimum still is at most, in
-    sigmas, where it has converged; `hessian` H at the estimate, over the free unknowns.
-    """
-
-    values: Values
-    cost: float
-    chi2: float
-    rows: int
-    dof: int
-    status: Status
-    decrement: float
-    history: tuple[Step, ...]
-    hessian: Matrix
-
-    @cached_property
-    def information(self) -> sp.csr_array:
-        """H at the estimate as a sparse matrix."""
-        return self.hessian.to_csr()
-
-    @property
-    def converged(self) -> bool:
-        """True where the estimate is a (local) optimum."""
-        return self.status.converged
-
-    @property
-    def iterations(self) -> int:
-        """Steps tried."""
-        return len(self.history)
-
-
-class Rule(Protocol):
-    """A step rule: proposes a step, and hears what became of it."""
-
-    damping: float
-
-    def propose(self, factor: Factor, at: Linearised) -> tuple[Array, float, bool]:
-        """A step d, the decrease 2 g'd - d'Hd that the model predicts, and whether d is the full Gauss-Newton step.
-
-        Raises SolveError where the (damped) matrix is not positive definite."""
-
-    def hear(self, gain: float) -> bool:
-        """Whether to take a step whose actual decrease is `gain` times the predicted one."""
-
-
-class GaussNewton:
-    """The full step, always taken: fast near the optimum, without a safety net."""
-
-    damping = 0.0
-
-    def propose(self, factor: Factor, at: Linearised) -> tuple[Array, float, bool]:
-        factor.factorise(at.hessian.numbers)
-        delta = factor.solve(at.gradient)
-        return delta, _dot(at.gradient, delta), True
-
-    def hear(self, gain: float) -> bool:
-        return bool(np.isfinite(gain))
-
-
-class LevenbergMarquardt:
-    """The Gauss-Newton step while it works; else (H + lambda diag H) d = g with lambda raised until the cost falls."""
-
-    _FIRST, _MOST, _LEAST = 1e-4, 1e12, 1e-9
-
-    def __init__(self) -> None:
-        self.damping = 0.0
-        self._growth = 2.0
-
-    def propose(self, factor: Factor, at: Linearised) -> tuple[Array, float, bool]:
-        if self.damping == 0.0:
-            try:
-                factor.factorise(at.hessian.numbers)
-            except SolveError:
-                if not (at.hessian.diagonal() > 0.0).all():
-                    raise  # a variable that nothing measures: damping would only hide it
-                self.damping = self._FIRST
-            else:
-                delta = factor.solve(at.gradient)
-                return delta, _dot(at.gradient, delta), True
-        damping = self.damping * at.hessian.diagonal()
-        factor.factorise(at.hessian.numbers, damping)
-        delta = factor.solve(at.gradient)
-        return delta, _dot(at.gradient + damping * delta, delta), False
-
-    def hear(self, gain: float) -> bool:
-        if gain > 1e-4:
-            # Nielsen (1999): the better the prediction, the less damping.
-            self.damping *= max(1.0 / 10.0, 1.0 - (2.0 * min(gain, 1.5) - 1.0) ** 3)
-            self.damping = 0.0 if self.damping < self._LEAST else self.damping
-            self._growth = 2.0
-            return True
-        self.damping = self.damping * self._growth or self._FIRST
-        self._growth *= 2.0
-        if self.damping > self._MOST:
-            raise StopIteration
-        return False
-
-
-class Dogleg:
-    """Powell's dogleg: within a trust region, along steepest descent and then towards the Gauss-Newton step.
-
-    Lengths are measured in the metric of diag H, so that metres and radians compare.
-    """
-
-    def __init__(self) -> None:
-        self.damping = np.inf  # the trust radius, in sigmas; the first Gauss-Newton step sets the scale
-        self._at_edge = False
-
-    def propose(self, factor: Factor, at: Linearised) -> tuple[Array, float, bool]:
-        factor.factorise(at.hessian.numbers)
-        newton = factor.solve(at.gradient)
-        metric = np.sqrt(at.hessian.diagonal())
-        matrix = at.hessian.to_csr()
-        length = float(np.linalg.norm(metric * newton))
-        if length <= self.damping:
-            if not np.isfinite(self.damping):
-                self.damping = length
-            self._at_edge = False
-            return newton, float(at.gradient @ newton), True
-        descent = at.gradient / metric**2
-        cauchy = descent * float((at.gradient @ descent) / (descent @ (matrix @ descent)))
-        short = float(np.linalg.norm(metric * cauchy))
-        self._at_edge = True
-        if short >= self.damping:
-            delta = cauchy * (self.damping / short)
-        else:
-            along = newton - cauchy
-            a = float(np.sum((metric * along) ** 2))
-            b = float(np.sum(metric**2 * cauchy * along))
-            c = short**2 - self.damping**2
-            delta = cauchy + along * ((-b + np.sqrt(b * b - a * c)) / a)
-        return delta, float(2.0 * at.gradient @ delta - delta @ (matrix @ delta)), False
-
-    def hear(self, gain: float) -> bool:
-        if gain > 0.75 and self._at_edge:
-            self.damping *= 2.0
-        elif not gain > 0.25:
-            self.damping *= 0.25
-        if self.damping < 1e-12:
-            raise StopIteration
-        return gain > 1e-4
-
-
-RULES: dict[str, Callable[[], Rule]] = {
-    "levenberg_marquardt": LevenbergMarquardt,
-    "gauss_newton": GaussNewton,
-    "dogleg": Dogleg,
-}
-
 DEFAULTS = Options()
-_SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H nearly as it is
-_CAUTION = 4.0  # how much larger the share that a step leaves may be than that of the step before
-_ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
+SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H nearly as it is
+CHORD = 0.1  # how much shorter than the step before one with its factor must be
+CAUTION = 4.0  # how much larger the share that a step leaves may be than that of the step before
+ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
 def optimise(
@@ -253,78 +70,22 @@ def optimise(
     The information returned is H = J'W'WJ at the estimate, not damped. Raises SolveError where the measurements do not
     determine a variable, naming it.
     """
-    began = time.perf_counter()
-    values, rule, history = start, RULES[options.rule](), list[Step]()
-    at = system.linearise(values)
-    if not np.isfinite(at.cost):
-        raise SolveError("the cost is not finite at the start values; look for infinite or coincident start values")
+    search = _Search(system, start, options)
     if system.free.dof == 0:
-        return _solution(system, values, at, Status.EMPTY, 0.0, history)
-    if factor is None:
-        factor = system.factor(start)
-    status, decrement, before, best = Status.MAX_ITERATIONS, np.inf, np.nan, np.inf
-    floor, bend, settled = 10.0 * system.rounding(start), Bend(), False
-    while len(history) < options.max_iterations:
-        try:
-            again = _chord_step(factor, at, decrement) if settled else None
-            delta, predicted, full_step = again or rule.propose(factor, at)
-        except SolveError:
-            if not bend.retreat():
-                raise
-            settled, at = False, system.linearise(values)
+        search.status = Status.EMPTY
+        return search.solution()
+    search.factor = factor or system.factor(start)
+    while len(search.history) < options.max_iterations and search.status is Status.MAX_ITERATIONS:
+        trial = search.propose()
+        if trial is None:
             continue
-        distance = float(np.sqrt(max(predicted, 0.0)))
-        decrement = distance if full_step else np.nan
-        candidate = system.retract(values, delta)
-        ahead = _ahead(decrement, before)
-        small = full_step and (decrement <= options.decrement or ahead**2 <= options.cost_share * at.cost)
-        settling = full_step and decrement < _SETTLED * np.sqrt(len(delta))
-        bend.see(distance)
-        after = system.linearise(candidate, curvature="none" if small else bend.curvature, lazy=settling and not small)
-        actual = at.cost - after.cost
-        if small:
-            # The last step is far below what matters; it is taken unless rounding makes it worse than it is worth.
-            taken = np.isfinite(after.cost) and actual >= -1e-9 * at.cost - floor * np.sqrt(at.cost + 1.0)
-            largest = float(np.abs(delta).max())
-            history.append(Step(at.cost, decrement, largest, rule.damping, bool(taken), _since(began)))
-            values, at = (candidate, after) if taken else (values, at)
-            status, decrement = Status.CONVERGED, ahead
-            break
-        gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
-        # A sum of large terms of both signs rounds earlier than one of squares does.
-        hidden = predicted <= floor * np.sqrt(at.cost + 1.0) or (gain <= 0.0 and predicted <= _ROUNDING * at.cost)
-        if full_step and hidden:
-            # Too small a decrease to be seen in the cost: the full step is trusted while the decrement still falls.
-            if not decrement < 0.5 * best:
-                status = Status.FLAT
-                break
-            best, gain = decrement, 1.0
-        try:
-            accepted = rule.hear(gain)
-        except StopIteration:
-            flat = abs(actual) <= 1e-12 * at.cost
-            status = Status.FLAT if flat else Status.STUCK
-            break
-        history.append(Step(at.cost, decrement, float(np.abs(delta).max()), rule.damping, accepted, _since(began)))
-        if progress is not None:
-            progress(history[-1])
-        settled = accepted and settling
-        if accepted:
-            values, at, before = candidate, after, decrement
-    return _solution(system, values, at, status, decrement, history)
-
-
-def _ahead(decrement: float, before: float) -> float:
-    """How far from the optimum a step leaves us, by how much shorter it is than the one before (Deuflhard, "Newton
-    Methods for Nonlinear Problems", 2011, ch. 2): each leaves a share of the distance that hardly grows any more."""
-    return decrement * min(1.0, _CAUTION * decrement / before) if before > 0.0 else decrement
-
-
-def _chord_step(factor: Factor, at: Linearised, before: float) -> tuple[Array, float, bool] | None:
-    """The full step, by the factor of the step before, where its decrement is a tenth of that step's at most."""
-    delta = factor.solve(at.gradient)
-    predicted = _dot(at.gradient, delta)
-    return (delta, predicted, True) if predicted < (0.1 * before) ** 2 else None
+        if trial.is_last:
+            search.arrive(trial)
+        else:
+            search.go_on(trial)
+        if progress is not None and search.history:
+            progress(search.history[-1])
+    return search.solution()
 
 
 def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> Values:
@@ -339,27 +100,137 @@ def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> 
     return optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
 
 
-def _solution(
-    system: System, values: Values, at: Linearised, status: Status, decrement: float, history: list[Step]
-) -> Solution:
-    robust = any(table.loss.name != "squared" for table in system.tables)
-    return Solution(
-        values=values,
-        cost=at.cost,
-        chi2=system.chi2(values) if robust else at.cost,
-        rows=system.rows,
-        dof=system.rows - system.free.dof,
-        status=status,
-        decrement=decrement,
-        history=tuple(history),
-        hessian=at.hessian if at.curvature == "none" else system.linearise(values).hessian,
-    )
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A step and where it leads: the decrease that the model predicts, the distance that this means [sigmas] if the
+    step is a full one (else nan), and the distance that it is expected to leave."""
+
+    delta: Array
+    predicted: float
+    values: Values
+    decrement: float
+    ahead: float
+    is_last: bool
+
+    @property
+    def is_full(self) -> bool:
+        return not np.isnan(self.decrement)
 
 
-def _dot(a: Array, b: Array) -> float:
-    """a'b, without the threads of a BLAS: waking them takes longer than the sum."""
-    return float(np.sum(a * b))
+class _Search:
+    """Where a run is, and what its steps have told so far."""
 
+    factor: Factor
 
-def _since(began: float) -> float:
-    return time.perf_counter() - began
+    def __init__(self, system: System, start: Values, options: Options) -> None:
+        self.began = time.perf_counter()
+        self.system, self.options, self.rule = system, options, RULES[options.rule]()
+        self.values, self.at = start, system.linearise(start)
+        if not np.isfinite(self.at.cost):
+            raise SolveError("the cost is not finite at the start values; look for infinite or coincident start values")
+        self.history: list[Step] = []
+        self.status, self.decrement = Status.MAX_ITERATIONS, np.inf
+        self.rounding = 10.0 * system.rounding(start)  # of one residual [sigmas]
+        self.bend = Bend()
+        self.settled = False  # whether the factor at hand still serves
+        self.before, self.best = np.nan, np.inf  # decrements: of the step before, and the least that rounding hid
+
+    def propose(self) -> _Trial | None:
+        """The next step to try; None where H was indefinite and is to be made anew without curvature."""
+        try:
+            delta, predicted, full = self._chord_step() or self.rule.propose(self.factor, self.at)
+        except SolveError:
+            if not self.bend.retreat():
+                raise
+            self.settled, self.at = False, self.system.linearise(self.values)
+            return None
+        distance = float(np.sqrt(max(predicted, 0.0)))
+        self.bend.see(distance)
+        self.decrement = distance if full else np.nan
+        ahead = self._ahead(self.decrement)
+        near = distance <= self.options.decrement or ahead**2 <= self.options.cost_share * self.at.cost
+        values = self.system.retract(self.values, delta)
+        return _Trial(delta, predicted, values, self.decrement, ahead, full and near)
+
+    def arrive(self, trial: _Trial) -> None:
+        """Take the last step, which is far below what matters, unless rounding makes it worse than it is worth."""
+        after = self.system.linearise(trial.values)
+        slack = 1e-9 * self.at.cost + self._visible()
+        taken = bool(np.isfinite(after.cost) and after.cost - self.at.cost <= slack)
+        self._note(trial, taken)
+        if taken:
+            self.values, self.at = trial.values, after
+        self.status, self.decrement = Status.CONVERGED, trial.ahead
+
+    def go_on(self, trial: _Trial) -> None:
+        """Take the step if the rule wants it; the status tells where nothing more can be gained."""
+        settling = trial.is_full and trial.decrement < SETTLED * np.sqrt(len(trial.delta))
+        after = self.system.linearise(trial.values, curvature=self.bend.curvature, lazy=settling)
+        gain = self._gain(trial, after)
+        if gain is None:
+            self.status = Status.FLAT
+            return
+        try:
+            accepted = self.rule.hear(gain)
+        except StopIteration:
+            flat = abs(self.at.cost - after.cost) <= 1e-12 * self.at.cost
+            self.status = Status.FLAT if flat else Status.STUCK
+            return
+        self._note(trial, accepted)
+        self.settled = accepted and settling
+        if accepted:
+            self.values, self.at, self.before = trial.values, after, trial.decrement
+
+    def solution(self) -> Solution:
+        """The estimate as it stands."""
+        system, at = self.system, self.at
+        robust = any(table.loss.name != "squared" for table in system.tables)
+        return Solution(
+            values=self.values,
+            cost=at.cost,
+            chi2=system.chi2(self.values) if robust else at.cost,
+            rows=system.rows,
+            dof=system.rows - system.free.dof,
+            status=self.status,
+            decrement=0.0 if self.status is Status.EMPTY else self.decrement,
+            history=tuple(self.history),
+            hessian=at.hessian if at.curvature == "none" else system.linearise(self.values).hessian,
+        )
+
+    # --- inside ---------------------------------------------------------------------------------------------------
+
+    def _chord_step(self) -> tuple[Array, float, bool] | None:
+        """The full step by the factor of the step before, where that still serves."""
+        if not self.settled:
+            return None
+        delta = self.factor.solve(self.at.gradient)
+        predicted = dot(self.at.gradient, delta)
+        return (delta, predicted, True) if predicted < (CHORD * self.decrement) ** 2 else None
+
+    def _ahead(self, decrement: float) -> float:
+        """How far from the optimum a step leaves us, by how much shorter it is than the one before (Deuflhard, "Newton
+        Methods for Nonlinear Problems", 2011, ch. 2): each leaves a share of the distance that hardly grows any
+        more."""
+        return decrement * min(1.0, CAUTION * decrement / self.before) if self.before > 0.0 else decrement
+
+    def _visible(self) -> float:
+        """The least difference of costs that rounding does not hide."""
+        return self.rounding * float(np.sqrt(self.at.cost + 1.0))
+
+    def _gain(self, trial: _Trial, after: Linearised) -> float | None:
+        """The actual decrease over the predicted one; None where a full step is hidden by rounding and the decrement no
+        longer falls, while a hidden step that is shorter than those before is trusted."""
+        actual, predicted = self.at.cost - after.cost, trial.predicted
+        gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
+        # A sum of large terms of both signs rounds earlier than one of squares does.
+        hidden = predicted <= self._visible() or (gain <= 0.0 and predicted <= ROUNDING * self.at.cost)
+        if not (trial.is_full and hidden):
+            return gain
+        if not trial.decrement < 0.5 * self.best:
+            return None
+        self.best = trial.decrement
+        return 1.0
+
+    def _note(self, trial: _Trial, accepted: bool) -> None:
+        largest, elapsed = float(np.abs(trial.delta).max()), time.perf_counter() - self.began
+        self.history.append(Step(self.at.cost, trial.decrement, largest, self.rule.damping, accepted, elapsed))

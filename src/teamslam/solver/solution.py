@@ -1,0 +1,73 @@
+"""What a solve gives: the estimate, how it came about, and how it ended, as a sentence."""
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+import scipy.sparse as sp
+
+from teamslam.model import Values
+from teamslam.solver.linear import Matrix
+
+
+class Status(Enum):
+    """How a run ended, as a sentence."""
+
+    CONVERGED = "Converged: the gradient is zero to within the tolerance, in sigmas of every variable."
+    FLAT = "Converged: no step lowers the cost any more, and what is left is rounding."
+    EMPTY = "Nothing to estimate: every variable is fixed."
+    MAX_ITERATIONS = "Stopped at the limit of iterations before the gradient was small enough."
+    STUCK = "Stopped: no step lowers the cost although the gradient is not small; the start may be too far off."
+
+    @property
+    def converged(self) -> bool:
+        """True where the estimate is a (local) optimum."""
+        return self in (Status.CONVERGED, Status.FLAT, Status.EMPTY)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One iteration: the cost before it, the Newton decrement [sigmas] (nan where the step was damped), the largest
+    change, the damping or trust radius, whether it was taken, and the seconds since the start."""
+
+    cost: float
+    decrement: float
+    step_norm: float
+    damping: float
+    accepted: bool
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An estimate and how it came about.
+
+    `cost` = sum of losses, `chi2` = sum of squared whitened residuals (equal for the squared loss), both without a
+    factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `decrement` how far the optimum still is at most, in
+    sigmas, where it has converged; `hessian` H at the estimate, over the free unknowns.
+    """
+
+    values: Values
+    cost: float
+    chi2: float
+    rows: int
+    dof: int
+    status: Status
+    decrement: float
+    history: tuple[Step, ...]
+    hessian: Matrix
+
+    @cached_property
+    def information(self) -> sp.csr_array:
+        """H at the estimate as a sparse matrix."""
+        return self.hessian.to_csr()
+
+    @property
+    def converged(self) -> bool:
+        """True where the estimate is a (local) optimum."""
+        return self.status.converged
+
+    @property
+    def iterations(self) -> int:
+        """Steps tried."""
+        return len(self.history)
