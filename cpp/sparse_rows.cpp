@@ -12,9 +12,10 @@ namespace {
 
 void check(const SparseRows& rows, int64_t scalars) {
   if (rows.start[0] != 0) refuse("sparse matrix: its first row does not start at 0");
+  for (int64_t i = 0; i < scalars; ++i)
+    if (rows.start[i + 1] < rows.start[i]) refuse("sparse matrix: row ", i, " ends before it starts");
   for (int64_t i = 0; i < scalars; ++i) {
     const int64_t first = rows.start[i], end = rows.start[i + 1];
-    if (end < first) refuse("sparse matrix: row ", i, " ends before it starts");
     if (end == first) continue;
     int32_t falls = 0;
     for (int64_t e = first + 1; e < end; ++e) falls |= rows.column[e] <= rows.column[e - 1];
