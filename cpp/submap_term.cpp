@@ -63,9 +63,10 @@ void take_columns(const double* J, int rows, int columns, Kind kind, double* out
 
 }  // namespace
 
-// What one linearisation works with. X = [A_b | e] and Y = I X, row-major, `width` columns: all of A_b, or e alone.
+// What one linearisation works with. X = [A_b, e] and Y = I X, row-major, `width` columns, e in the last; A_b (d_b
+// columns) is absent where there is no free base.
 struct SubmapTerm::Work {
-  int width;
+  int d_b, width;
   std::vector<double> A;  // A_v: `largest_jacobian` numbers each, estimate's unknowns x variable's, row-major
   std::vector<double> X, Y;
 };
@@ -200,8 +201,9 @@ double SubmapTerm::evaluate(const double* state, Wanted wanted, Work& work) cons
   const double* x_b = base_ >= 0 ? state + variables_.offset[base_] : nullptr;
   const bool jacobians = wanted != Wanted::cost;
   const bool with_base = jacobians && base_ >= 0 && variables_.free[base_] != held;
-  const int width = work.width = with_base ? dof(base) + 1 : 1;
-  work.X.resize(width * pattern_.scalars());
+  work.d_b = with_base ? dof(base) : 0;
+  const int width = work.width = with_base ? even_width(work.d_b) : 1;
+  work.X.assign(width * pattern_.scalars(), 0.0);
   work.Y.resize(width * pattern_.scalars());
   if (jacobians) work.A.resize(largest_jacobian * members_.size());
   for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -237,35 +239,35 @@ void SubmapTerm::add_gradient(const Work& work, double* system) const {
       const double* A_b = work.X.data() + width * (pattern_.scalar_start[c] + row);
       const double weighted = work.Y[width * (pattern_.scalar_start[c] + row) + width - 1];
       for (int p = 0; p < d_c; ++p) system[members_[c].gradient + p] += A_c[d_c * row + p] * weighted;
-      for (int p = 0; p < width - 1; ++p) of_base[p] += A_b[p] * weighted;
+      for (int p = 0; p < work.d_b; ++p) of_base[p] += A_b[p] * weighted;
     }
   }
-  for (int p = 0; p < width - 1; ++p) system[base_gradient_ + p] += of_base[p];
+  for (int p = 0; p < work.d_b; ++p) system[base_gradient_ + p] += of_base[p];
 }
 
 void SubmapTerm::add_members(const Work& work, double* system) const {
-  int64_t next = 0;
+  std::vector<int8_t> shape;
+  for (std::size_t i = 0; i < members_.size(); ++i)
+    shape.push_back(shape_of(pattern_.dof[i], dof(variables_.kind[members_[i].variable])));
+  const auto shape_at = [&](int32_t i) { return shape[i]; };
   for (int32_t c = 0; c < pattern_.variables(); ++c) {
-    const double* A_c = work.A.data() + largest_jacobian * c;
-    const int n_c = pattern_.dof[c], d_c = dof(variables_.kind[members_[c].variable]), shape_c = shape_of(n_c, d_c);
+    const double *A = work.A.data(), *A_c = A + largest_jacobian * c;
+    const int64_t first = pattern_.column_start[c], here = 0;
     double diagonal[largest_jacobian] = {};
-    const int64_t first = pattern_.column_start[c];
-    add_blocks[shape_c][shape_c](values_.data() + pattern_.value_start[first], A_c, A_c, diagonal, false);
-    add_symmetric(diagonal, d_c, system + members_[c].diagonal);
-    for (int64_t k = first + 1; k < pattern_.column_start[c + 1]; ++k) {
-      const int32_t r = pattern_.row[k];
-      const int shape_r = shape_of(pattern_.dof[r], dof(variables_.kind[members_[r].variable]));
-      const int64_t block = blocks_[next++];
-      add_blocks[shape_r][shape_c](values_.data() + pattern_.value_start[k], work.A.data() + largest_jacobian * r, A_c,
-                                   system + (block < 0 ? ~block : block), block < 0);
-    }
+    add_runs[shape[c]][shape[c]](values_.data() + pattern_.value_start[first], &c, 1, A, A_c, &here, diagonal);
+    add_symmetric(diagonal, dof(variables_.kind[members_[c].variable]), system + members_[c].diagonal);
+    for_each_run(pattern_, first + 1, pattern_.column_start[c + 1], shape_at, [&](int64_t begin, int64_t end) {
+      add_runs[shape[pattern_.row[begin]]][shape[c]](values_.data() + pattern_.value_start[begin],
+                                                     pattern_.row.data() + begin, end - begin, A, A_c,
+                                                     blocks_.data() + (begin - c - 1), system);
+    });
   }
 }
 
 // With E = I A_b, which stands in Y: the base's own block and its blocks with the members.
 template <int d_b>
 void SubmapTerm::add_base(const Work& work, double* system) const {
-  constexpr int width = d_b + 1;
+  constexpr int width = even_width(d_b);
   double diagonal[d_b * d_b] = {};
   for (int64_t row = 0; row < pattern_.scalars(); ++row) {
     const double *A_b = work.X.data() + width * row, *E = work.Y.data() + width * row;
@@ -324,8 +326,8 @@ double SubmapTerm::linearise(int32_t chunk, const double* state, double* system)
   const double cost = evaluate(state, Wanted::all, work);
   add_gradient(work, system);
   add_members(work, system);
-  if (work.width == 4) add_base<3>(work, system);
-  if (work.width == 7) add_base<6>(work, system);
+  if (work.d_b == 3) add_base<3>(work, system);
+  if (work.d_b == 6) add_base<6>(work, system);
   if (curvature_ == Curvature::all) subtract_bends(state, work, system);
   return cost;
 }

@@ -124,8 +124,8 @@ def test_the_slope_alone_is_that_of_the_linearisation() -> None:
             problem.add_submap(base, members, kinds, states(rng, kinds), *numbers, rng.normal(size=dofs.sum()))
         at = states(rng, KINDS)
         cost, gradient, _ = problem.linearise(at)
-        assert problem.slope(at)[0] == cost
-        np.testing.assert_array_equal(problem.slope(at)[1], gradient)
+        assert problem.slope(at)[0] == pytest.approx(cost, rel=1e-13)
+        np.testing.assert_allclose(problem.slope(at)[1], gradient, rtol=1e-12, atol=1e-12 * np.abs(gradient).max())
 
 
 def test_the_slope_alone_is_for_submaps() -> None:
