@@ -60,9 +60,9 @@ void amalgamate(Fundamental& tree, bool has_last) {
     Node& parent = tree.node[s];
     candidates.clear();
     for (int32_t c = head[s]; c != none; c = next[c]) candidates.push_back(c);
-    std::stable_sort(candidates.begin(), candidates.end(), [&](int32_t a, int32_t b) {
-      return tree.node[a].total - tree.node[a].columns > tree.node[b].total - tree.node[b].columns;
-    });
+    const auto rows = [&](int32_t c) { return tree.node[c].total - tree.node[c].columns; };
+    std::sort(candidates.begin(), candidates.end(),
+              [&](int32_t a, int32_t b) { return rows(a) != rows(b) ? rows(a) > rows(b) : a > b; });
     for (int32_t c : candidates) {
       if (has_last && s == count - 1) break;
       const Node& child = tree.node[c];
@@ -133,8 +133,9 @@ std::vector<int32_t> visiting_order(const FrontTree& tree) {
     const int64_t rows = tree.total[s] - tree.columns[s];
     update[s] = rows * rows;
     auto& list = children[s];
-    std::stable_sort(list.begin(), list.end(),
-                     [&](int32_t a, int32_t b) { return peak[a] - update[a] > peak[b] - update[b]; });
+    const auto excess = [&](int32_t c) { return peak[c] - update[c]; };
+    std::sort(list.begin(), list.end(),
+              [&](int32_t a, int32_t b) { return excess(a) != excess(b) ? excess(a) > excess(b) : a < b; });
     int64_t held = 0;
     for (int32_t c : list) {
       peak[s] = std::max(peak[s], held + peak[c]);

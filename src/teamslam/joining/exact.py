@@ -344,7 +344,7 @@ class _Team:
             status=status,
             decrement=float(np.sqrt(decrease)),
             history=tuple(history),
-            hessian=at.hessian,
+            made=lambda: at.hessian,
         )
         members = [part.submap for part in self.parts]
         final = joined_map(members, self.raw, solution, self.fixed, self.map.names)

@@ -78,6 +78,7 @@ def optimise_graduated(
     inliers = tuple(
         weights[i] > 0.5 if i in weights else np.ones(len(table), bool) for i, table in enumerate(system.tables)
     )
+    _ = solution.hessian  # made while the weights stand
     return Graduated(solution, inliers)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from teamslam.errors import InputError, SolveError
 from teamslam.geometry import Array
 from teamslam.model import Values
-from teamslam.solver.linear import Factor
+from teamslam.solver.linear import Factor, Matrix
 from teamslam.solver.newton import Bend
 from teamslam.solver.rules import RULES, dot
 from teamslam.solver.solution import Solution, Status, Step
@@ -121,12 +121,16 @@ class _Search:
     """Where a run is, and what its steps have told so far."""
 
     factor: Factor
+    values: Values
+    at: Linearised
+    cost: float
+    made: Callable[[], Matrix]
 
     def __init__(self, system: System, start: Values, options: Options) -> None:
         self.began = time.perf_counter()
         self.system, self.options, self.rule = system, options, RULES[options.rule]()
-        self.values, self.at = start, system.linearise(start)
-        if not np.isfinite(self.at.cost):
+        self._stand(start, system.linearise(start))
+        if not np.isfinite(self.cost):
             raise SolveError("the cost is not finite at the start values; look for infinite or coincident start values")
         self.history: list[Step] = []
         self.status, self.decrement = Status.MAX_ITERATIONS, np.inf
@@ -154,12 +158,13 @@ class _Search:
 
     def arrive(self, trial: _Trial) -> None:
         """Take the last step, which is far below what matters, unless rounding makes it worse than it is worth."""
-        after = self.system.linearise(trial.values)
+        cost = self.system.cost(trial.values)
         slack = 1e-9 * self.at.cost + self._visible()
-        taken = bool(np.isfinite(after.cost) and after.cost - self.at.cost <= slack)
+        taken = bool(np.isfinite(cost) and cost - self.at.cost <= slack)
         self._note(trial, taken)
         if taken:
-            self.values, self.at = trial.values, after
+            values = self.values = trial.values
+            self.cost, self.made = cost, lambda: self.system.linearise(values).hessian
         self.status, self.decrement = Status.CONVERGED, trial.ahead
 
     def go_on(self, trial: _Trial) -> None:
@@ -179,25 +184,32 @@ class _Search:
         self._note(trial, accepted)
         self.settled = accepted and settling
         if accepted:
-            self.values, self.at, self.before = trial.values, after, trial.decrement
+            self._stand(trial.values, after)
+            self.before = trial.decrement
 
     def solution(self) -> Solution:
         """The estimate as it stands."""
-        system, at = self.system, self.at
+        system = self.system
         robust = any(table.loss.name != "squared" for table in system.tables)
         return Solution(
             values=self.values,
-            cost=at.cost,
-            chi2=system.chi2(self.values) if robust else at.cost,
+            cost=self.cost,
+            chi2=system.chi2(self.values) if robust else self.cost,
             rows=system.rows,
             dof=system.rows - system.free.dof,
             status=self.status,
             decrement=0.0 if self.status is Status.EMPTY else self.decrement,
             history=tuple(self.history),
-            hessian=at.hessian if at.curvature == "none" else system.linearise(self.values).hessian,
+            made=self.made,
         )
 
     # --- inside ---------------------------------------------------------------------------------------------------
+
+    def _stand(self, values: Values, at: Linearised) -> None:
+        """Be at these values. Their H without curvature is made when it is asked for."""
+        self.values, self.at, self.cost = values, at, at.cost
+        bare = at.curvature == "none"
+        self.made = lambda: at.hessian if bare else self.system.linearise(values).hessian
 
     def _chord_step(self) -> tuple[Array, float, bool] | None:
         """The full step by the factor of the step before, where that still serves."""

@@ -1,6 +1,7 @@
 """What a solve gives: the estimate, how it came about, and how it ended, as a sentence."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
@@ -44,7 +45,7 @@ class Solution:
 
     `cost` = sum of losses, `chi2` = sum of squared whitened residuals (equal for the squared loss), both without a
     factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `decrement` how far the optimum still is at most, in
-    sigmas, where it has converged; `hessian` H at the estimate, over the free unknowns.
+    sigmas, where it has converged. `made` makes H at the estimate, over the free unknowns, when it is first asked for.
     """
 
     values: Values
@@ -55,7 +56,12 @@ class Solution:
     status: Status
     decrement: float
     history: tuple[Step, ...]
-    hessian: Matrix
+    made: Callable[[], Matrix] = field(repr=False)
+
+    @cached_property
+    def hessian(self) -> Matrix:
+        """H at the estimate, over the free unknowns, without any damping or curvature."""
+        return self.made()
 
     @cached_property
     def information(self) -> sp.csr_array:
