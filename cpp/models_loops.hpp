@@ -6,6 +6,14 @@
 #include "models_pose.hpp"
 #include "models_sighting.hpp"
 
+#if defined(__GNUC__) || defined(__clang__)
+#define TEAMSLAM_FLATTEN __attribute__((flatten))
+#define TEAMSLAM_APART __attribute__((noinline))
+#else
+#define TEAMSLAM_FLATTEN
+#define TEAMSLAM_APART
+#endif
+
 namespace teamslam {
 
 // A factor says, for one model between variables of kinds `kind_a` (and `kind_b`), how many rows it has and how to
@@ -195,6 +203,17 @@ inline void add_blocks(const double* C, const Places& at, double* system) {
       system[at.coupling >= 0 ? at.coupling + b * i + j : ~at.coupling + a * j + i] += C[columns * i + a + j];
 }
 
+// How one row's cost bends beyond J'W'WJ. Apart from the loop, whose registers it would take where nobody asks for it.
+template <class Factor>
+TEAMSLAM_APART void add_curvature(const Rows& table, int64_t row, const double* state, const LossValue& value, double s,
+                                  double weight, const double* We, const double* WJ, double* system) {
+  constexpr int columns = Factor::dof_a + Factor::dof_b;
+  double C[columns * columns] = {};
+  subtract_loss_bend<Factor::rows, columns>(value, s, weight, We, WJ, C);
+  if (table.curvature == Curvature::all) subtract_residual_bend<Factor>(table, row, state, We, std::sqrt(weight), C);
+  add_blocks<Factor::dof_a, Factor::dof_b>(C, table.places[row], system);
+}
+
 template <class Factor>
 double linearise_rows(const Rows& table, const double* state, double* system) {
   constexpr int rows = Factor::rows, a = Factor::dof_a, b = Factor::dof_b, columns = a + b;
@@ -229,12 +248,8 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
       else
         add_product<rows, columns, b, a>(WJ + a, WJ, system + ~at.coupling);
     }
-    if (table.curvature != Curvature::none && weight > 0.0) {
-      double C[columns * columns] = {};
-      subtract_loss_bend<rows, columns>(value, s, weight, We, WJ, C);
-      if (table.curvature == Curvature::all) subtract_residual_bend<Factor>(table, row, state, We, std::sqrt(weight), C);
-      add_blocks<a, b>(C, at, system);
-    }
+    if (table.curvature != Curvature::none && weight > 0.0)
+      add_curvature<Factor>(table, row, state, value, s, weight, We, WJ, system);
   }
   return cost;
 }
@@ -259,12 +274,6 @@ double evaluate_rows(const Rows& table, const double* state, double* whitened) {
 
 // Small factors have everything that they call built in, so that what is known at compile time (which Jacobians are the
 // identity or zero) is known throughout. Large ones would only outgrow the registers.
-#if defined(__GNUC__) || defined(__clang__)
-#define TEAMSLAM_FLATTEN __attribute__((flatten))
-#else
-#define TEAMSLAM_FLATTEN
-#endif
-
 template <class Factor>
 TEAMSLAM_FLATTEN double linearise_rows_flat(const Rows& table, const double* state, double* system) {
   return linearise_rows<Factor>(table, state, system);
