@@ -33,34 +33,18 @@ Elimination ordered(const Graph& graph, Ordering method, const std::vector<uint8
   return eliminate_symbolically(graph, order, last_count);
 }
 
-constexpr double flops_per_second = 20e9;  // of one thread, about
-
-// Seconds for one factorisation and solve, about.
-double predicted_time(const Elimination& elimination) {
-  return elimination.flops / flops_per_second + elimination.nonzeros * 3e-9;
-}
-
-// Minimum degree is cheap and best for small problems; dissection is tried where half the arithmetic of a few
-// factorisations would pay for it, and kept if it predicts less time. Large problems are dissected at once: where
-// minimum degree would do better still, as on one long road, there is little to gain.
+// Minimum degree is cheap and best for small problems. Large ones are dissected at once: where minimum degree would do
+// better still, as on one long road with a few landmarks, there is little to gain.
 Choice chosen(const Graph& graph, Ordering asked, const std::vector<uint8_t>& frozen, const double* positions,
               const int32_t* last, int32_t last_count, int threads) {
-  const auto with = [&](Ordering method) {
-    return Choice{ordered(graph, method, frozen, positions, last, last_count, threads), method};
-  };
-  if (asked != Ordering::automatic) return with(asked);
-  constexpr int32_t small = 2500, large = 5000;
-  constexpr double factorisations = 5;
-  const Ordering dissecting = positions != nullptr ? Ordering::geometric : Ordering::nested_dissection;
-  const int32_t size = graph.size() - last_count;
-  if (size < small) return with(Ordering::minimum_degree);
-  if (size >= large) return with(dissecting);
-  const double dissection_time = (positions != nullptr ? 1.5e-6 : 3e-6) * size;
-  Choice degree = with(Ordering::minimum_degree);
-  if (factorisations * degree.elimination.flops / flops_per_second / 2 < dissection_time) return degree;
-  Choice dissection = with(dissecting);
-  const bool gains = predicted_time(dissection.elimination) < predicted_time(degree.elimination);
-  return gains ? dissection : degree;
+  Ordering used = asked;
+  if (asked == Ordering::automatic) {
+    const bool small = graph.size() - last_count < dissected_from;
+    used = small                  ? Ordering::minimum_degree
+           : positions != nullptr ? Ordering::geometric
+                                  : Ordering::nested_dissection;
+  }
+  return {ordered(graph, used, frozen, positions, last, last_count, threads), used};
 }
 
 }  // namespace

@@ -16,8 +16,7 @@
 namespace teamslam {
 namespace {
 
-constexpr size_t leaf_size = 2500;  // vertices; below, minimum degree does as well
-constexpr int32_t deepest = 60;    // levels of dissection
+constexpr int32_t deepest = 60;  // levels of dissection
 constexpr int32_t unassigned = -1;
 
 using Vertices = std::vector<int32_t>;
@@ -56,7 +55,7 @@ class Dissection {
       name(parts);
       std::vector<Halves> halves(parts.size());
       share(parts.size(), [&](size_t p) {
-        if (parts[p].size() > leaf_size && depth < deepest) halves[p] = halve(parts[p], static_cast<int32_t>(p));
+        if (parts[p].size() >= dissected_from && depth < deepest) halves[p] = halve(parts[p], static_cast<int32_t>(p));
       });
       std::vector<Vertices> next;
       for (size_t p = 0; p < parts.size(); ++p) {

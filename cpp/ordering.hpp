@@ -30,6 +30,9 @@ int64_t dense_degree(int32_t vertices);
 constexpr uint8_t never_eliminated = 255;
 std::vector<int32_t> minimum_degree(const Graph& graph, const std::vector<uint8_t>& stage);
 
+// Vertices from which on dissection pays; smaller parts of a dissection are left to minimum degree as well.
+constexpr int32_t dissected_from = 2500;
+
 // Nested dissection by multilevel vertex separators, minimum degree within. With `positions` (n x 3, row-major) the
 // separators start from geometric bisection instead of coarsening. Vertices marked in `frozen` (may be empty) are
 // absent from the result.
