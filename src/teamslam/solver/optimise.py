@@ -32,15 +32,14 @@ from teamslam.solver.system import Linearised, System
 class Options:
     """How to solve.
 
-    `rule`: a row of RULES. It has converged when the Newton decrement is at most `decrement` [sigmas], or when the
-    decrease still to be had after a step is below `cost_share` of the cost. Raises InputError for values that make no
-    sense.
+    `rule`: a row of RULES. It has converged when a step leaves the optimum at most `decrement` [sigmas] away, or the
+    decrease still to be had below `cost_share` of the cost. Raises InputError for values that make no sense.
     """
 
     rule: str = "levenberg_marquardt"
     max_iterations: int = 300
     decrement: float = 1e-6
-    cost_share: float = 1e-20
+    cost_share: float = 1e-16
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:
@@ -152,7 +151,7 @@ class _Search:
         self.bend.see(distance)
         self.decrement = distance if full else np.nan
         ahead = self._ahead(self.decrement)
-        near = distance <= self.options.decrement or ahead**2 <= self.options.cost_share * self.at.cost
+        near = ahead <= self.options.decrement or ahead**2 <= self.options.cost_share * self.at.cost
         values = self.system.retract(self.values, delta)
         return _Trial(delta, predicted, values, self.decrement, ahead, full and near)
 
@@ -163,8 +162,8 @@ class _Search:
         taken = bool(np.isfinite(cost) and cost - self.at.cost <= slack)
         self._note(trial, taken)
         if taken:
-            values = self.values = trial.values
-            self.cost, self.made = cost, lambda: self.system.linearise(values).hessian
+            system, values = self.system, trial.values
+            self.values, self.cost, self.made = values, cost, lambda: system.linearise(values).hessian
         self.status, self.decrement = Status.CONVERGED, trial.ahead
 
     def go_on(self, trial: _Trial) -> None:
@@ -208,8 +207,8 @@ class _Search:
     def _stand(self, values: Values, at: Linearised) -> None:
         """Be at these values. Their H without curvature is made when it is asked for."""
         self.values, self.at, self.cost = values, at, at.cost
-        bare = at.curvature == "none"
-        self.made = lambda: at.hessian if bare else self.system.linearise(values).hessian
+        system, bare = self.system, at.curvature == "none"
+        self.made = lambda: at.hessian if bare else system.linearise(values).hessian
 
     def _chord_step(self) -> tuple[Array, float, bool] | None:
         """The full step by the factor of the step before, where that still serves."""
