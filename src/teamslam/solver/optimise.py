@@ -12,9 +12,11 @@ rounding of the cost hides progress, full steps go on while the decrement falls;
 is in `newton`.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -54,6 +56,7 @@ DEFAULTS = Options()
 SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H nearly as it is
 CHORD = 0.1  # how much shorter than the step before one with its factor must be
 CAUTION = 4.0  # how much larger the share that a step leaves may be than that of the step before
+FORETOLD = 0.25  # the gain from which on a decrease was seen as predicted
 ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
@@ -113,7 +116,7 @@ class _Trial:
 
     @property
     def is_full(self) -> bool:
-        return not np.isnan(self.decrement)
+        return not math.isnan(self.decrement)
 
 
 class _Search:
@@ -129,14 +132,14 @@ class _Search:
         self.began = time.perf_counter()
         self.system, self.options, self.rule = system, options, RULES[options.rule]()
         self._stand(start, system.linearise(start))
-        if not np.isfinite(self.cost):
+        if not math.isfinite(self.cost):
             raise SolveError("the cost is not finite at the start values; look for infinite or coincident start values")
         self.history: list[Step] = []
-        self.status, self.decrement = Status.MAX_ITERATIONS, np.inf
-        self.rounding = 10.0 * system.rounding(start)  # of one residual [sigmas]
+        self.status, self.decrement = Status.MAX_ITERATIONS, math.inf
+        self.start = start
         self.bend = Bend()
         self.settled = False  # whether the factor at hand still serves
-        self.before, self.best = np.nan, np.inf  # decrements: of the step before, and the least that rounding hid
+        self.before, self.best = math.nan, math.inf  # decrements: of the step before, and the least that rounding hid
 
     def propose(self) -> _Trial | None:
         """The next step to try; None where H was indefinite and is to be made anew without curvature."""
@@ -147,19 +150,18 @@ class _Search:
                 raise
             self.settled, self.at = False, self.system.linearise(self.values)
             return None
-        distance = float(np.sqrt(max(predicted, 0.0)))
+        distance = math.sqrt(max(predicted, 0.0))
         self.bend.see(distance)
-        self.decrement = distance if full else np.nan
+        self.decrement = distance if full else math.nan
         ahead = self._ahead(self.decrement)
-        near = ahead <= self.options.decrement or ahead**2 <= self.options.cost_share * self.at.cost
+        near = ahead <= self.options.decrement or ahead**2 <= self.options.cost_share * self.cost
         values = self.system.retract(self.values, delta)
         return _Trial(delta, predicted, values, self.decrement, ahead, full and near)
 
     def arrive(self, trial: _Trial) -> None:
         """Take the last step, which is far below what matters, unless rounding makes it worse than it is worth."""
         cost = self.system.cost(trial.values)
-        slack = 1e-9 * self.at.cost + self._visible()
-        taken = bool(np.isfinite(cost) and cost - self.at.cost <= slack)
+        taken = cost <= self.cost or cost - self.cost <= 1e-9 * self.cost + self._visible()
         self._note(trial, taken)
         if taken:
             system, values = self.system, trial.values
@@ -168,7 +170,7 @@ class _Search:
 
     def go_on(self, trial: _Trial) -> None:
         """Take the step if the rule wants it; the status tells where nothing more can be gained."""
-        settling = trial.is_full and trial.decrement < SETTLED * np.sqrt(len(trial.delta))
+        settling = trial.is_full and trial.decrement < SETTLED * math.sqrt(len(trial.delta))
         after = self.system.linearise(trial.values, curvature=self.bend.curvature, lazy=settling)
         gain = self._gain(trial, after)
         if gain is None:
@@ -177,7 +179,7 @@ class _Search:
         try:
             accepted = self.rule.hear(gain)
         except StopIteration:
-            flat = abs(self.at.cost - after.cost) <= 1e-12 * self.at.cost
+            flat = abs(self.cost - after.cost) <= 1e-12 * self.cost
             self.status = Status.FLAT if flat else Status.STUCK
             return
         self._note(trial, accepted)
@@ -224,17 +226,24 @@ class _Search:
         more."""
         return decrement * min(1.0, CAUTION * decrement / self.before) if self.before > 0.0 else decrement
 
+    @cached_property
+    def _rounding(self) -> float:
+        """Of one residual, with room [sigmas]."""
+        return 10.0 * self.system.rounding(self.start)
+
     def _visible(self) -> float:
         """The least difference of costs that rounding does not hide."""
-        return self.rounding * float(np.sqrt(self.at.cost + 1.0))
+        return self._rounding * math.sqrt(self.cost + 1.0)
 
     def _gain(self, trial: _Trial, after: Linearised) -> float | None:
         """The actual decrease over the predicted one; None where a full step is hidden by rounding and the decrement no
         longer falls, while a hidden step that is shorter than those before is trusted."""
-        actual, predicted = self.at.cost - after.cost, trial.predicted
-        gain = actual / predicted if predicted > 0.0 and np.isfinite(after.cost) else -np.inf
+        actual, predicted = self.cost - after.cost, trial.predicted
+        gain = actual / predicted if predicted > 0.0 and math.isfinite(after.cost) else -math.inf
+        if gain > FORETOLD and predicted > ROUNDING * self.cost:
+            return gain
         # A sum of large terms of both signs rounds earlier than one of squares does.
-        hidden = predicted <= self._visible() or (gain <= 0.0 and predicted <= ROUNDING * self.at.cost)
+        hidden = predicted <= self._visible() or (gain <= 0.0 and predicted <= ROUNDING * self.cost)
         if not (trial.is_full and hidden):
             return gain
         if not trial.decrement < 0.5 * self.best:
@@ -244,4 +253,4 @@ class _Search:
 
     def _note(self, trial: _Trial, accepted: bool) -> None:
         largest, elapsed = float(np.abs(trial.delta).max()), time.perf_counter() - self.began
-        self.history.append(Step(self.at.cost, trial.decrement, largest, self.rule.damping, accepted, elapsed))
+        self.history.append(Step(self.cost, trial.decrement, largest, self.rule.damping, accepted, elapsed))
