@@ -72,6 +72,8 @@ struct Rows {
 struct RowLoops {
   // Adds J'W'WJ and J'W'We, weighted, to the system. Returns the sum of weight * rho.
   double (*linearise)(const Rows&, const double* state, double* system);
+  // Adds J'W'We, weighted, alone. Returns the same.
+  double (*slope)(const Rows&, const double* state, double* system);
   // Returns the sum of weight * rho, and the whitened residuals (count x rows) if `whitened` is not null.
   double (*evaluate)(const Rows&, const double* state, double* whitened);
 };

@@ -255,6 +255,32 @@ double linearise_rows(const Rows& table, const double* state, double* system) {
 }
 
 template <class Factor>
+double slope_rows(const Rows& table, const double* state, double* system) {
+  constexpr int rows = Factor::rows, a = Factor::dof_a, b = Factor::dof_b, columns = a + b;
+  double cost = 0.0;
+  for (int64_t row = 0; row < table.count; ++row) {
+    double e[rows], J[rows * columns], We[rows], pull[rows];
+    const double* W = table.whitening + row * table.whitening_stride;
+    Factor::template evaluate<true>(table.z + row * Factor::numbers, table.sensor, state + table.state_a[row],
+                                    b > 0 ? state + table.state_b[row] : nullptr, e, J);
+    whiten<rows, 1>(W, e, We);
+    double s = 0.0;
+    for (int i = 0; i < rows; ++i) s += We[i] * We[i];
+    const LossValue value = robust(table.loss, table.scale, s);
+    const double row_weight = table.weight ? table.weight[row] : 1.0, weight = row_weight * value.weight;
+    cost += row_weight * value.rho;
+    for (int i = 0; i < rows; ++i) {
+      pull[i] = 0.0;
+      for (int j = 0; j < rows; ++j) pull[i] += weight * W[rows * j + i] * We[j];
+    }
+    const Places& at = table.places[row];
+    add_gradient<rows, a>(J, columns, pull, system + at.gradient_a);
+    if constexpr (b > 0) add_gradient<rows, b>(J + a, columns, pull, system + at.gradient_b);
+  }
+  return cost;
+}
+
+template <class Factor>
 double evaluate_rows(const Rows& table, const double* state, double* whitened) {
   constexpr int rows = Factor::rows;
   double cost = 0.0;
@@ -280,6 +306,11 @@ TEAMSLAM_FLATTEN double linearise_rows_flat(const Rows& table, const double* sta
 }
 
 template <class Factor>
+TEAMSLAM_FLATTEN double slope_rows_flat(const Rows& table, const double* state, double* system) {
+  return slope_rows<Factor>(table, state, system);
+}
+
+template <class Factor>
 TEAMSLAM_FLATTEN double evaluate_rows_flat(const Rows& table, const double* state, double* whitened) {
   return evaluate_rows<Factor>(table, state, whitened);
 }
@@ -288,9 +319,9 @@ template <class Factor>
 constexpr RowLoops loops() {
   constexpr bool small = Factor::rows * (Factor::dof_a + Factor::dof_b) <= 18;
   if constexpr (small) {
-    return {&linearise_rows_flat<Factor>, &evaluate_rows_flat<Factor>};
+    return {&linearise_rows_flat<Factor>, &slope_rows_flat<Factor>, &evaluate_rows_flat<Factor>};
   } else {
-    return {&linearise_rows<Factor>, &evaluate_rows<Factor>};
+    return {&linearise_rows<Factor>, &slope_rows<Factor>, &evaluate_rows<Factor>};
   }
 }
 

@@ -217,6 +217,13 @@ double Table::linearise(int32_t chunk, const double* state, double* system) cons
   return cost;
 }
 
+double Table::slope(int32_t chunk, const double* state, double* system) const {
+  double cost = 0.0;
+  for (int64_t i = chunk_start_[chunk]; i < chunk_start_[chunk + 1]; ++i)
+    cost += runs_[i].loops.slope(rows_of(runs_[i]), state, system);
+  return cost;
+}
+
 double Table::cost(int32_t chunk, const double* state) const {
   double cost = 0.0;
   for (int64_t i = chunk_start_[chunk]; i < chunk_start_[chunk + 1]; ++i)

@@ -41,6 +41,7 @@ class Table final : public Term {
   void couple(Couplings& couplings) override;
   void place(int32_t chunk, Layout& layout) override;
   double linearise(int32_t chunk, const double* state, double* system) const override;
+  double slope(int32_t chunk, const double* state, double* system) const override;
   double cost(int32_t chunk, const double* state) const override;
 
  private:

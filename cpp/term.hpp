@@ -25,10 +25,10 @@ class Term {
   virtual void couple(Couplings& couplings) = 0;
   virtual void place(int32_t chunk, Layout& layout) = 0;
 
-  // Adds this chunk's part of H and g to the system, or of g alone where that is less work; all return its part of the
+  // Adds this chunk's part of H and g to the system, or of g alone, which is less work; all return its part of the
   // cost.
   virtual double linearise(int32_t chunk, const double* state, double* system) const = 0;
-  virtual double slope(int32_t, const double*, double*) const { refuse("only submaps give their slope alone"); }
+  virtual double slope(int32_t, const double*, double*) const { refuse("a user's blocks give no slope alone"); }
   virtual double cost(int32_t chunk, const double* state) const = 0;
 
   // The most information that it has on any one number; 0 where that is not its business.

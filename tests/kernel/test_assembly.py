@@ -122,6 +122,8 @@ def test_problems_agree_with_the_sum_over_their_rows(case):
     scale = 1 + np.abs(expected_H).max(initial=0.0)
     np.testing.assert_allclose(cost, expected_cost, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(problem.cost(state), cost, rtol=1e-13)
+    np.testing.assert_allclose(problem.slope(state)[0], cost, rtol=1e-13)
+    np.testing.assert_allclose(problem.slope(state)[1], g, atol=1e-11 * scale)
     np.testing.assert_allclose(g, expected_g, atol=1e-6 * scale)
     np.testing.assert_allclose(dense(problem.pattern, values), expected_H, atol=1e-6 * scale)
     for handle, (model, dim, index, z, whitening, sensor, *_) in zip(handles, tables, strict=True):

@@ -128,8 +128,8 @@ def test_the_slope_alone_is_that_of_the_linearisation() -> None:
         np.testing.assert_allclose(problem.slope(at)[1], gradient, rtol=1e-12, atol=1e-12 * np.abs(gradient).max())
 
 
-def test_the_slope_alone_is_for_submaps() -> None:
+def test_blocks_of_a_user_have_no_slope_alone() -> None:
     problem = Problem(KINDS)
-    problem.add_table("position", 2, [[0]], [[0.0, 0.0]], [np.eye(2)])
-    with pytest.raises(ModelError, match="submaps"):
+    problem.add_blocks([[0]], 2)
+    with pytest.raises(ModelError, match="slope"):
         problem.slope(states(np.random.default_rng(4), KINDS))

@@ -89,6 +89,7 @@ class System:
         if homes is not None:
             self._problem.set_homes(homes)
         self._handles = [self._add_table(table) for table in self.tables]
+        self._all_native = all(table.row.native for table in self.tables)
         self._robust = any(table.row.native and table.loss.name != "squared" for table in self.tables)
         self._submap_handles = self._add_submaps(self.submaps)
         self._analysis: kernel.Analysis | None = None
@@ -103,7 +104,7 @@ class System:
         converge like Newton's (see `newton`). Sensors that people added have no curvature. `lazy`: H is not expected to
         be wanted, and left until it is where that saves work (between submaps, most of it).
         """
-        if lazy and not self.tables:
+        if lazy and self._all_native:
             slope = self._problem.slope(values.state)
             return Linearised(*slope, curvature, lambda: self.linearise(values, curvature=curvature).hessian)
         self._set_curvature(curvature if curvature == "all" or self._robust else "none")
