@@ -72,6 +72,8 @@ SOLVERS = (
     Solver("g2opy", "g2opy_wheel", package="g2opy", sizes=("small", "medium"), note="no marginals in the wheel"),
     Solver("gtsam", "gtsam_wheel", package="gtsam", sizes=("small", "medium"), marginals=("small",), note=BEARINGS),
     Solver("gtsam:metis", "gtsam_wheel", "metis", package="gtsam", marginals=("small",), note=BEARINGS),
+    Solver("pyceres", "pyceres_wheel", package="pyceres", sizes=("small",), marginals=("small",)),
+    Solver("symforce", "symforce_wheel", package="symforce", sizes=("small",), marginals=("small",)),
 )
 DEFAULT = [s.name for s in SOLVERS if s.name != "teamslam:1thread"]
 
