@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from teamslam.joining import Joined, exact_join, full, join, split
 from teamslam.joining.build import build
-from teamslam.model import Dataset, Loss
+from teamslam.joining.part import Part, Reduced
+from teamslam.model import Dataset, Loss, Values
 from teamslam.solver import Options
+from teamslam.solver.newton import Curvature
 from worlds import WORLDS, mixed_team, team
 
 TO_ROUNDING = Options(decrement=1e-12, cost_share=0.0)
@@ -72,3 +75,38 @@ def test_a_robot_alone_that_fits_exactly_needs_no_rounds_to_say_so(world: str) -
     exact = exact_join(split(odometry))
     report = exact.components[0].exactness
     assert exact.converged and report is not None and report.rounds <= 5
+
+
+@pytest.mark.parametrize("which", ["steps that are halved", "many separators"])
+def test_every_number_sent_is_counted(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted where it is sent: by every robot in every round, and for every step and part of a step that is tried."""
+    up, down = [], []
+    reduce, follow = Part.reduce, Part.follow
+
+    def reducing(part: Part, curvature: Curvature = "none") -> Reduced:
+        sent = reduce(part, curvature)
+        scalars = 1 if part.sends_whole else 2  # its cost, and what its interiors have to gain
+        up.append(sp.triu(sent.information).nnz + len(sent.slope) + scalars)
+        return sent
+
+    def following(part: Part, separators: Values) -> Values:
+        down.append(len(separators.state))
+        return follow(part, separators)
+
+    monkeypatch.setattr(Part, "reduce", reducing)
+    monkeypatch.setattr(Part, "follow", following)
+    halved = team("2d", robot_model="range", sigma=1.5, sigma_odometry=0.2, every=1, sees=0.2, seed=3)
+    dataset = halved if which == "steps that are halved" else team("planar", poses=60)
+    component = exact_join(split(dataset)).components[0]
+    robots, report, solution = len(dataset.robots), component.exactness, component.solution
+    assert report is not None and solution is not None
+    assert report.rounds == len(up) / robots > solution.iterations
+    costs = len(down) - robots  # one comes back from every place but the join's
+    assert report.bytes == 8 * (sum(up) + sum(down) + costs)
+    if which == "steps that are halved":
+        assert costs > robots * solution.iterations
+
+
+def test_a_robot_alone_sends_nothing() -> None:
+    report = exact_join(split(team("planar", robots=1))).components[0].exactness
+    assert report is not None and report.bytes == 0 and report.join_shift_sigma > 0.0

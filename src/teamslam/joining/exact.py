@@ -4,39 +4,29 @@ Every measurement belongs to one submap and does not care about frames, so the f
 exactly. The paper's join replaces f_i by its quadratic at the local optimum. Here each round renews that quadratic
 where the team is:
 
-    robot:        at its point S_i: H = J'WJ, g = J'We, f; interiors eliminated: (Lambda, eta, f) over its separators
+    robot:        linearises f_i at its point S_i, eliminates its interiors, sends (Lambda, eta, f) over its separators
     coordinator:  e = S^ (-) h(G), one step of sum |e|^2_Lambda + 2 eta'e, and sends the separators' new places back
-    robot:        interiors follow, d_b = H_bb^-1 (g_b - H_bs d_s), and it linearises anew
+    robot:        its interiors follow (see `part`); it answers with its cost there
 
 The first round is the paper's join. From then on this is Gauss-Newton on F by nested dissection, so its fixed point
 is grad F = 0: the full nonlinear least squares, though nobody holds all raw data. F is a sum of scalars, so a step
 that raises it is known, and halved. What is left is known too: the Newton decrement adds up from the robots' parts.
 Where it falls slowly, robots and coordinator take in how residuals bend (solver.newton), and the rounds are Newton's.
 Rounding of F hides the last of them; they go on while the decrement falls.
-
-A submap whose separators are so many that their dense matrix is larger than its own sparse one sends the sparse one.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import SolveError
-from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.joining.build import build_choices, gaussian_part
+from teamslam.geometry import Array
+from teamslam.joining.build import build_choices
 from teamslam.joining.choose import lowest
-from teamslam.joining.join import (
-    Component,
-    Exactness,
-    Joined,
-    in_order,
-    join,
-    joined_map,
-    refuse_double_counting,
-    usable_rows,
-)
+from teamslam.joining.gap import Gap, frame_of, gap_at, point_of, raw_cost
+from teamslam.joining.join import Component, Joined, in_order, join, joined_map, refuse_double_counting
+from teamslam.joining.part import Part, Reduced, parts_of
 from teamslam.model import Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.newton import Bend, Curvature
@@ -46,77 +36,6 @@ UNSEEN = 1e-12  # of F: what its rounding hides
 FALLS = 0.9  # the decrement that falls less than to this, where F shows nothing any more, is rounding itself
 LEAST_SHARE = 1e-4  # of a step
 SLOW = 0.25  # as in Bend; a round costs messages, curvature costs none
-
-
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """What a robot sends in a round: information and slope over its separators, its cost, its interiors'
-    decrement^2."""
-
-    information: sp.csr_array
-    slope: Array
-    cost: float
-    interior: float
-    numbers: int
-
-
-class Part:
-    """One submap's side of the rounds: it keeps its raw measurements and its interiors to itself."""
-
-    def __init__(self, piece: Dataset, submap: Submap, separators: IntArray) -> None:
-        self.submap = submap
-        robot = piece.tables[0].robot
-        own = submap.trajectory_keys(robot)
-        self.values = submap.all_values
-        inside, _ = gaussian_part(piece.tables, robot, own, self.values.layout)
-        self.system = System(self.values.layout, tables=inside, fixed=np.array([submap.base]), names=piece.names)
-        free = self.system.free
-        keep = np.isin(free.keys, separators)
-        dense = int(free.dofs[keep].sum())
-        whole = submap.information.nnz
-        self.sends_whole = dense == 0 or dense * dense >= whole
-        self.keep: BoolArray = np.ones(len(free), bool) if self.sends_whole else keep
-        self.kept = free.select(self.keep)
-        self._columns = free.unknowns(self.kept.keys)
-        last = None if self.sends_whole else np.flatnonzero(self.keep)
-        self._factor = Factor(free, self.system.pattern, last=last, names=piece.names)
-        self._gradient = np.zeros(free.dof)
-
-    @property
-    def separators(self) -> Values:
-        """The estimate of what is sent, in the submap's frame."""
-        return self.values.only(self.kept.keys)
-
-    def reduce(self, curvature: Curvature = "none") -> Reduced:
-        """Linearise at the present point and eliminate the interiors; `curvature` as in System.linearise."""
-        at = self.system.linearise(self.values, curvature=curvature)
-        self._gradient = at.gradient
-        if self.sends_whole:
-            whole = at.hessian.to_csr()
-            numbers = sp.triu(whole).nnz + 2 * self.kept.dof + 1
-            return Reduced(whole, at.gradient, at.cost, 0.0, numbers)
-        complement, slope = self._factor.eliminate(at.hessian.numbers, at.gradient)
-        n = self.kept.dof
-        at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
-        interior = float(at.gradient @ at_rest)
-        return Reduced(_dense(complement), slope, at.cost, interior, n * (n + 1) // 2 + 2 * n + 1)
-
-    def follow(self, separators: Values) -> Values:
-        """The robot's estimate after its separators moved there; interiors go where the quadratic has its least."""
-        shift = separators.minus(self.values.only(self.kept.keys))
-        if self.sends_whole:
-            delta = np.zeros(self.system.free.dof)
-            delta[self._columns] = shift
-        else:
-            delta = self._factor.back_substitute(shift, self._gradient)
-        return self.system.retract(self.values, delta)
-
-
-def _dense(complement: Array) -> sp.csr_array:
-    """A dense block as a sparse matrix that keeps its zeros: its structure must not change between rounds."""
-    n = len(complement)
-    symmetric = 0.5 * (complement + complement.T)
-    return sp.csr_array((symmetric.ravel(), np.tile(np.arange(n), n), np.arange(0, n * n + 1, n)), shape=(n, n))
 
 
 def exact_join(
@@ -142,19 +61,11 @@ def exact_join(
         built = {submap.id: (raw_of[submap.id], submap) for submap in submaps}
         first = join(submaps, options=rough)
         components = (
-            _rounds(c, [built[name] for name in c.members], gap, max_rounds, options, progress)
-            for c in first.components
+            _rounds(c, [built[name] for name in c.members], gap, max_rounds, progress) for c in first.components
         )
         return Joined(tuple(components), first.reasons)
 
     return lowest(alternatives, solve)
-
-
-def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
-    """The keys that more than one submap knows (bases among them), or that raw measurements name."""
-    everywhere = np.concatenate([np.unique(s.keys) for s in submaps])
-    keys, times = np.unique(everywhere, return_counts=True)
-    return np.union1d(keys[times > 1], np.concatenate([t.keys.ravel() for t in raw] or [np.zeros(0, np.int64)]))
 
 
 def _rounds(
@@ -162,28 +73,19 @@ def _rounds(
     members: Sequence[tuple[Dataset, Submap]],
     gap: float,
     max_rounds: int,
-    options: Options,
     progress: Callable[[Step], None] | None,
 ) -> Component:
-    submaps = [submap for _, submap in members]
-    joined = component.map
-    start = joined.all_values if not joined.base < 0 else joined.values
-    raw, _ = usable_rows([t for s in submaps for t in s.raw], start.layout)
-    separators = separators_of(submaps, raw)
-    parts = [Part(piece, submap, separators) for piece, submap in members]
-    team = _Team(parts, raw, start, joined)
-    return team.run(component, gap, max_rounds, progress)
+    parts, raw = parts_of(members, point_of(component.map).layout)
+    return _Team(parts, raw, component.map).run(component, gap, max_rounds, progress)
 
 
 @dataclass(frozen=True, eq=False)
 class _Ahead:
-    """What a round found: F here, the step, the decrease of F that it promises, and how many numbers went up and
-    down."""
+    """What a round found: F here, the step, and the decrease of F that it promises."""
 
     cost: float
     step: Array
     decrease: float
-    numbers: int
 
     @property
     def decrement(self) -> float:
@@ -197,30 +99,29 @@ class _Ahead:
 
 
 class _Team:
-    """The coordinator's side of the rounds."""
+    """The coordinator's side of the rounds. It counts them, and every number that goes up or down."""
 
-    def __init__(self, parts: Sequence[Part], raw: Sequence[Table], joined: Values, map_: Submap) -> None:
-        self.parts, self.raw, self.map = parts, list(raw), map_
+    def __init__(self, parts: Sequence[Part], raw: Sequence[Table], joined: Submap) -> None:
+        self.parts, self.raw, self.map = parts, list(raw), joined
         held = np.concatenate(
             [*(p.kept.keys for p in parts), np.array([p.submap.base for p in parts]), *(t.keys.ravel() for t in raw)]
         )
-        self.values = joined.only(np.unique(held))
-        self.fixed = np.array([map_.base]) if map_.base >= 0 else np.zeros(0, np.int64)
+        self.values = point_of(joined).only(np.unique(held))
         self.system: System | None = None
         self.factor: Factor | None = None
+        self.rounds, self.numbers = 0, 0
 
     def run(
         self, component: Component, gap: float, max_rounds: int, progress: Callable[[Step], None] | None
     ) -> Component:
-        """Rounds until the gap is closed, or until rounding is all that is left of it."""
-        for part, values in zip(self.parts, self._local(self.values), strict=True):
-            part.reduce()
-            part.values = part.follow(values)
+        """The paper's join, which is where the map is, and rounds until the gap is closed, or until rounding is all
+        that is left of it."""
+        self._reduced("none")
+        self._place(self._moved(self.values))
         history: list[Step] = []
-        bend, status, sent, last = Bend(SLOW), Status.MAX_ITERATIONS, 0, np.inf
+        bend, status, last = Bend(SLOW), Status.MAX_ITERATIONS, np.inf
         for _ in range(max_rounds):
             ahead = self._round(bend)
-            sent += 8 * ahead.numbers
             if ahead.decrement > FALLS * last and ahead.decrease <= self._unseen(ahead.cost):
                 status = Status.FLAT
                 break
@@ -236,7 +137,7 @@ class _Team:
             if ahead.decrease <= gap * ahead.cost:
                 status = Status.CONVERGED  # and the last step, already known, is taken
                 break
-        return self._finish(component, status, history, sent)
+        return self._finish(component, status, history)
 
     def _unseen(self, cost: float) -> float:
         """The decrease of F that its rounding hides: a share of F, or where F is next to nothing that of residuals."""
@@ -248,23 +149,42 @@ class _Team:
         share = 1.0
         while share > LEAST_SHARE:
             candidate = self._retract(share * ahead.step)
-            moved = [part.follow(values) for part, values in zip(self.parts, self._local(candidate), strict=True)]
-            after = self._raw_cost(candidate) + sum(
-                part.system.cost(values) for part, values in zip(self.parts, moved, strict=True)
-            )
+            moved = self._moved(candidate)
+            after = raw_cost(self.raw, candidate) + self._costs(moved)
             if np.isfinite(after) and after <= ahead.cost + UNSEEN * max(ahead.cost, 1.0):
                 self.values = candidate
-                for part, values in zip(self.parts, moved, strict=True):
-                    part.values = values
+                self._place(moved)
                 return share
             share *= 0.5
         return 0.0
 
-    # --- one round ----------------------------------------------------------------------------------------------
+    def _place(self, moved: Sequence[Values]) -> None:
+        for part, values in zip(self.parts, moved, strict=True):
+            part.values = values
 
-    def _local(self, values: Values) -> list[Values]:
-        """Every part's separators, seen from its base."""
-        return [values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts]
+    # --- messages -----------------------------------------------------------------------------------------------
+
+    def _reduced(self, curvature: Curvature) -> list[Reduced]:
+        """A round: every robot linearises where it is, and sends what is left without its interiors."""
+        self.rounds += 1
+        sent = []
+        for part in self.parts:
+            sent.append(part.reduce(curvature))
+            self.numbers += sent[-1].numbers
+        return sent
+
+    def _moved(self, values: Values) -> list[Values]:
+        """Where the robots would be with the separators there, which they are told."""
+        self.numbers += sum(part.placing for part in self.parts)
+        local = (values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts)
+        return [part.follow(separators) for part, separators in zip(self.parts, local, strict=True)]
+
+    def _costs(self, moved: Sequence[Values]) -> float:
+        """What the robots' measurements would cost there, one number from each."""
+        self.numbers += len(self.parts)
+        return sum(part.system.cost(values) for part, values in zip(self.parts, moved, strict=True))
+
+    # --- one round ----------------------------------------------------------------------------------------------
 
     def _round(self, bend: Bend) -> "_Ahead":
         """One round: with curvature where there is enough of it for a step that goes down."""
@@ -276,14 +196,14 @@ class _Team:
                     raise
 
     def _linearised(self, curvature: Curvature) -> "_Ahead":
-        reduced = [part.reduce(curvature) for part in self.parts]
+        reduced = self._reduced(curvature)
         terms = [
             SubmapTerm(p.submap.base, p.separators, r.information, r.slope)
             for p, r in zip(self.parts, reduced, strict=True)
         ]
         if self.system is None:
             self.system = System(
-                self.values.layout, tables=self.raw, submaps=terms, fixed=self.fixed, names=self.map.names
+                self.values.layout, tables=self.raw, submaps=terms, fixed=frame_of(self.map), names=self.map.names
             )
             self.factor = Factor(self.system.free, self.system.pattern, names=self.map.names)
         else:
@@ -294,81 +214,53 @@ class _Team:
         self.factor.factorise(at.hessian.numbers)
         step = self.factor.solve(at.gradient)
         return _Ahead(
-            cost=sum(r.cost for r in reduced) + self._raw_cost(self.values),
+            cost=sum(r.cost for r in reduced) + raw_cost(self.raw, self.values),
             step=step,
             decrease=max(float(at.gradient @ step) + sum(r.interior for r in reduced), 0.0),
-            numbers=sum(r.numbers for r in reduced) + sum(len(p.separators.state) for p in self.parts),
         )
 
     def _retract(self, step: Array) -> Values:
         assert self.system is not None
         return self.system.retract(self.values, step)
 
-    def _raw_cost(self, values: Values) -> float:
-        return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in self.raw)
-
     # --- the result ---------------------------------------------------------------------------------------------
 
-    def _finish(self, component: Component, status: Status, history: list[Step], sent: int) -> Component:
+    def _finish(self, component: Component, status: Status, history: list[Step]) -> Component:
         """The whole map at the last point, its information, and how exact it is."""
-        terms, slopes_cost, chi2 = [], 0.0, 0.0
-        values = self.values
-        for part in self.parts:
-            at = part.system.linearise(part.values)
-            local = part.values.only(part.system.free.keys)
-            terms.append(SubmapTerm(part.submap.base, local, at.hessian.to_csr(), at.gradient))
-            slopes_cost += at.cost
-            chi2 += part.system.chi2(part.values)
-            interior = local.select(~self.values.layout.contains(local.layout.keys))
-            values = values.update(interior.transform(self.values.pose(part.submap.base)))
-        system = System(values.layout, tables=self.raw, submaps=terms, fixed=self.fixed, names=self.map.names)
-        at = system.linearise(values)
-        factor = Factor(system.free, system.pattern, names=self.map.names)
-        factor.factorise(at.hessian.numbers)
-        shift = factor.solve(at.gradient)
-        decrease = max(float(at.gradient @ shift), 0.0)
-        raw_chi2 = sum(float(np.sum(t.whitened(values) ** 2)) for t in self.raw)
-        cost = slopes_cost + self._raw_cost(values)
-        sigmas = _sigmas(shift, system.free.dof_start, factor.marginals())
-        before = component.map.values
-        moved = _sigmas(
-            values.only(before.layout.keys).minus(before), before.layout.dof_start, _in_order(factor, system, before)
-        )
-        rows = sum(p.system.rows for p in self.parts) + sum(t.dof for t in self.raw)
-        solution = Solution(
-            values=values,
-            cost=cost,
-            chi2=chi2 + raw_chi2,
-            rows=rows,
-            dof=rows - system.free.dof,
-            status=status,
-            decrement=float(np.sqrt(decrease)),
-            history=tuple(history),
-            made=lambda: at.hessian,
-        )
-        members = [part.submap for part in self.parts]
-        final = joined_map(members, self.raw, solution, self.fixed, self.map.names)
-        final = replace(final, id=self.map.id, cost=solution.cost, chi2=solution.chi2, rows=rows)
-        exactness = Exactness(
-            relative_cost_gap=decrease / cost if cost > 0.0 else 0.0,
-            gradient_norm=float(np.sqrt(decrease)),
-            max_shift_sigma=float(sigmas.max(initial=0.0)),
-            join_shift_sigma=float(moved.max(initial=0.0)),
-            rounds=len(history) + 1,
-            bytes=sent,
+        values = self._everything()
+        gap = gap_at(values, self.parts, self.raw, self.map)
+        solution = self._solution(values, gap, status, history)
+        members, fixed = [part.submap for part in self.parts], frame_of(self.map)
+        final = joined_map(members, self.raw, solution, fixed, self.map.names)
+        final = replace(final, id=self.map.id, cost=solution.cost, chi2=solution.chi2, rows=solution.rows)
+        before = self.map.values
+        exactness = gap.exactness(
+            join_shift_sigma=gap.farthest(values.only(before.layout.keys).minus(before), before.layout),
+            rounds=self.rounds,
+            bytes=8 * self.numbers if len(self.parts) > 1 else 0,
         )
         return Component(final, solution, component.members, exactness, component.ambiguities)
 
+    def _everything(self) -> Values:
+        """The separators' places, and all robots' interiors seen from there."""
+        values = self.values
+        for part in self.parts:
+            inside = ~self.values.layout.contains(part.system.free.keys)
+            interior = part.values.only(part.system.free.keys[inside])
+            values = values.update(interior.transform(self.values.pose(part.submap.base)))
+        return values
 
-def _in_order(factor: Factor, system: System, values: Values) -> list[Array]:
-    blocks = factor.marginals()
-    return [blocks[int(i)] for i in system.free.index(values.layout.keys)]
-
-
-def _sigmas(shift: Array, starts: IntArray, covariances: Sequence[Array]) -> Array:
-    """The length of each variable's shift in its own standard deviations."""
-    out = np.zeros(len(covariances))
-    for v, covariance in enumerate(covariances):
-        d = shift[starts[v] : starts[v + 1]]
-        out[v] = np.sqrt(max(float(d @ np.linalg.solve(covariance, d)), 0.0))
-    return out
+    def _solution(self, values: Values, gap: Gap, status: Status, history: Sequence[Step]) -> Solution:
+        rows = sum(p.system.rows for p in self.parts) + sum(t.dof for t in self.raw)
+        of_parts = sum(part.system.chi2(part.values) for part in self.parts)
+        return Solution(
+            values=values,
+            cost=gap.cost,
+            chi2=of_parts + sum(float(np.sum(t.whitened(values) ** 2)) for t in self.raw),
+            rows=rows,
+            dof=rows - gap.free.dof,
+            status=status,
+            decrement=float(np.sqrt(gap.decrease)),
+            history=tuple(history),
+            made=lambda: gap.hessian,
+        )

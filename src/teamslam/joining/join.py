@@ -32,13 +32,18 @@ RULED_OUT = 16.0  # of cost: four sigmas; an assembly that costs more is not men
 
 @dataclass(frozen=True)
 class Exactness:
-    """How far an exact join is from the full least squares over all raw data, and what it took.
+    """How far a join is from the full least squares over all raw data, and what it took to get there.
 
     `relative_cost_gap`: the decrease of F still to be had, over F. `gradient_norm`: the gradient of F in the norm of
     H^-1 (the Newton decrement), in sigmas: no combination of variables is farther than this from the optimum.
     `max_shift_sigma`: the farthest that any one variable still has to go, in its own sigmas. `join_shift_sigma`: the
-    farthest that any one variable moved from the paper's join. `rounds` and `bytes`: messages up and down, eight
-    bytes a number.
+    farthest that any one variable moved from the paper's join; 0 of that join itself.
+
+    `rounds`: how often the robots linearised and sent what they found: for the paper's join, and once more for every
+    step, those included whose matrix turned out to be indefinite. `bytes`: all these messages up; the separators'
+    places down and the robots' costs back, for every step and part of a step that was tried. A number is eight bytes;
+    of sparse matrices the numbers count. Nothing is sent for one submap alone. Not counted: the map itself, should
+    somebody want to hold it whole, and starts that led to a worse optimum.
     """
 
     relative_cost_gap: float
