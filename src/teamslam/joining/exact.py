@@ -25,8 +25,9 @@ from teamslam.geometry import Array
 from teamslam.joining.build import build_choices
 from teamslam.joining.choose import lowest
 from teamslam.joining.gap import Gap, frame_of, gap_at, point_of, raw_cost
-from teamslam.joining.join import Component, Joined, in_order, join, joined_map, refuse_double_counting
+from teamslam.joining.join import Component, Joined, in_order, join, joined_map
 from teamslam.joining.part import Part, Reduced, parts_of
+from teamslam.joining.twice import refuse_double_counting
 from teamslam.model import Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.newton import Bend, Curvature

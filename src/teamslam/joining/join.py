@@ -9,7 +9,6 @@ A join is a pure function of the set of submaps: they are put in order by id bef
 count a measurement twice. Submaps that nothing holds together come back as separate components, with the reason.
 """
 
-import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +21,7 @@ from teamslam.joining.place import Cluster, place
 from teamslam.joining.spread import spread
 from teamslam.joining.stack import Stack
 from teamslam.joining.triangulate import triangulate
+from teamslam.joining.twice import refuse_double_counting
 from teamslam.joining.world import anchor
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
 from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
@@ -96,7 +96,8 @@ def join(
 
     Its frame is the base pose of the lowest robot's first submap, or the world's where positions in the world were
     measured. Laws: the result does not depend on the order of the submaps; joining one submap gives that submap back.
-    Raises ModelError for an empty set, for ids that stand twice, and where one measurement is in two submaps.
+    Raises ModelError for an empty set, for ids that stand twice, and where one measurement is in two submaps (see
+    `twice`).
     """
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
@@ -117,23 +118,6 @@ def in_order(submaps: Iterable[Submap]) -> list[Submap]:
     if not newest:
         raise ModelError("there is nothing to join: the set of submaps is empty")
     return sorted(newest.values(), key=lambda s: (s.base, s.id))
-
-
-def refuse_double_counting(submaps: Sequence[Submap]) -> None:
-    """Raise ModelError where one row of a log went into two submaps: joined, it would count twice."""
-    spans: dict[tuple[int, str], list[tuple[int, int, str]]] = {}
-    for submap in submaps:
-        for stretch in submap.sources:
-            spans.setdefault((stretch.robot, stretch.source), []).append((stretch.start, stretch.stop, submap.id))
-    for (robot, source), stretches in spans.items():
-        stretches.sort()
-        for before, after in itertools.pairwise(stretches):
-            if after[0] < before[1]:
-                raise ModelError(
-                    f"rows {after[0]} to {min(before[1], after[1]) - 1} of the {source} of robot {robot} stand in both "
-                    f"submap {before[2]} and submap {after[2]}; joined, they would count twice and the map would be "
-                    f"too sure of itself. Leave one of the two out"
-                )
 
 
 def _join_cluster(

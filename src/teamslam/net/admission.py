@@ -13,11 +13,10 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from teamslam.errors import InputError, TeamslamError
 from teamslam.io import read_submaps
 from teamslam.io.arrays import SUFFIX, read_submap
+from teamslam.joining.twice import Conflict, priors_in_several, rows_in_two
 from teamslam.model import Submap, is_landmark
 from teamslam.net.messages import canonical, check
 
@@ -120,9 +119,6 @@ def torn_reason(id_: str, version: int, contents: int) -> str:
 # --- submaps that exclude each other -----------------------------------------------------------------------------
 
 
-Conflict = tuple[int, int, str]  # two places in the list, and why they exclude each other
-
-
 def without_conflicts(sound: Iterable[Submap]) -> Admission:
     """Sort submaps, each sound in itself and no two of one id, into those that go together and those that do not."""
     submaps = sorted(sound, key=lambda s: (s.base, s.id))
@@ -141,46 +137,6 @@ def without_conflicts(sound: Iterable[Submap]) -> Admission:
         left.discard(worst)
         refused.append(Refusal(submaps[worst].id, against[worst][opponents[0]]))
     return Admission(tuple(submaps[n] for n in sorted(left)), tuple(refused))
-
-
-def _counted_twice(submaps: Sequence[Submap]) -> Iterable[Conflict]:
-    stretches = sorted(
-        (s.robot, s.source, s.start, s.stop, number) for number, submap in enumerate(submaps) for s in submap.sources
-    )
-    for _, group in itertools.groupby(stretches, key=lambda s: s[:2]):
-        open_: list[tuple[int, int]] = []
-        for robot, source, start, stop, number in group:
-            open_ = [(end, other) for end, other in open_ if end > start]
-            for end, other in open_:
-                if other != number:
-                    yield (
-                        number,
-                        other,
-                        f"rows {start} to {min(end, stop) - 1} of the {source} of robot {robot} stand in both submap "
-                        f"{submaps[other].id} and submap {submaps[number].id}; joined, they would count twice and "
-                        f"the map would be too sure of itself",
-                    )
-            open_.append((stop, number))
-
-
-def _one_prior_in_several(submaps: Sequence[Submap]) -> Iterable[Conflict]:
-    """What was surveyed once and written into several robots' logs looks like several measurements."""
-    seen: dict[tuple[int, bytes, bytes], int] = {}
-    for number, submap in enumerate(submaps):
-        for table in submap.raw:
-            if not table.row.unary:
-                continue
-            for row in np.flatnonzero(is_landmark(table.keys[:, 0])).tolist():
-                noise = table.whitening[row if len(table.whitening) > 1 else 0]
-                key = int(table.keys[row, 0])
-                other = seen.setdefault((key, table.values[row].tobytes(), noise.tobytes()), number)
-                if other != number:
-                    yield (
-                        number,
-                        other,
-                        f"submap {submaps[other].id} and submap {submap.id} both bring the same prior on "
-                        f"{submap.names.describe(key)}; joined, one survey would count twice: give it to one robot",
-                    )
 
 
 def _two_dimensions(submaps: Sequence[Submap]) -> Iterable[Conflict]:
@@ -234,8 +190,8 @@ def _disagreements(
 
 
 RULES: tuple[Callable[[Sequence[Submap]], Iterable[Conflict]], ...] = (
-    _counted_twice,
-    _one_prior_in_several,
+    rows_in_two,
+    priors_in_several,
     _two_dimensions,
     _clocks,
     _names,
