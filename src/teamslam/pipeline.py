@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from teamslam.config import Config
 from teamslam.errors import InputError
-from teamslam.joining import ORDERS, Joined, build, exact_join, full, split, with_exactness
+from teamslam.joining import ORDERS, Joined, build, build_choices, exact_join, full, split, with_exactness
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap
 from teamslam.net import Workers, gather, join_in_tree
@@ -77,22 +77,14 @@ def run(
     elif workers is not None:
         pieces = _pieces(log, config)
         submaps, joined = _on_workers(pieces, workers, work, config.solver, clock)
+    elif config.join.exact:
+        submaps, joined = _in_rounds(_pieces(log, config), config, clock)
     else:
         pieces = _pieces(log, config)
         clock.start("building submaps", len(pieces))
         submaps = clock.each(build(piece, options=config.solver) for piece in pieces)
-        if config.join.exact:
-            clock.start("joining in rounds")
-            joined = exact_join(
-                pieces,
-                gap=config.join.gap,
-                max_rounds=config.join.max_rounds,
-                options=config.solver,
-                progress=lambda step: clock.tick(),
-            )
-        else:
-            clock.start("joining submaps")
-            joined = ORDERS[config.join.order](submaps, options=config.solver)
+        clock.start("joining submaps")
+        joined = ORDERS[config.join.order](submaps, options=config.solver)
     if config.method == "join":
         clock.start("exactness")
         joined = with_exactness(joined, pairs(pieces, submaps))
@@ -112,6 +104,22 @@ def pairs(pieces: Iterable[Dataset], submaps: Iterable[Submap]) -> list[tuple[Da
     of_sources = {submap.sources: submap for submap in submaps}
     both = ((piece, of_sources.get(Sources.of(piece.tables))) for piece in pieces)
     return [(piece, submap) for piece, submap in both if submap is not None]
+
+
+def _in_rounds(pieces: Sequence[Dataset], config: Config, clock: "Clock") -> tuple[tuple[Submap, ...], Joined]:
+    """Submaps built and joined exactly, from the best that can be built of each piece."""
+    clock.start("building submaps", len(pieces))
+    choices = clock.each(build_choices(piece, options=config.solver) for piece in pieces)
+    clock.start("joining in rounds")
+    joined = exact_join(
+        pieces,
+        choices=choices,
+        gap=config.join.gap,
+        max_rounds=config.join.max_rounds,
+        options=config.solver,
+        progress=lambda step: clock.tick(),
+    )
+    return tuple(found[0] for found in choices), joined
 
 
 def _on_workers(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from teamslam.joining import Joined, exact_join, full, join, split
+from teamslam.joining import Joined, build_choices, exact_join, full, join, split
 from teamslam.joining.build import build
 from teamslam.joining.part import Part, Reduced
 from teamslam.model import Dataset, Loss, Values
@@ -110,3 +110,13 @@ def test_every_number_sent_is_counted(which: str, monkeypatch: pytest.MonkeyPatc
 def test_a_robot_alone_sends_nothing() -> None:
     report = exact_join(split(team("planar", robots=1))).components[0].exactness
     assert report is not None and report.bytes == 0 and report.join_shift_sigma > 0.0
+
+
+def test_submaps_that_are_built_already_are_not_built_again() -> None:
+    """Exact joining takes them as they are, and comes to the same map as from the pieces alone."""
+    pieces = split(team("planar", sigma=0.05, sigma_odometry=0.05))
+    choices = [build_choices(piece) for piece in pieces]
+    given, alone = exact_join(pieces, choices=choices), exact_join(pieces)
+    assert given.map.values.state.tobytes() == alone.map.values.state.tobytes()
+    elsewhere = exact_join(pieces, choices=[[replace(s, id=f"my {s.id}") for s in found] for found in choices])
+    assert all(member.startswith("my ") for member in elsewhere.components[0].members)

@@ -1,6 +1,6 @@
 """Submaps made from logs, and joined into one map."""
 
-from teamslam.joining.build import build, build_alternatives, build_with_solution
+from teamslam.joining.build import build, build_alternatives, build_choices, build_with_solution
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
 from teamslam.joining.exact import exact_join
 from teamslam.joining.exactness import with_exactness
@@ -17,6 +17,7 @@ __all__ = [
     "Joined",
     "build",
     "build_alternatives",
+    "build_choices",
     "build_with_solution",
     "condense",
     "condense_partially",

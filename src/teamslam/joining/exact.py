@@ -42,6 +42,7 @@ SLOW = 0.25  # as in Bend; a round costs messages, curvature costs none
 def exact_join(
     pieces: Sequence[Dataset],
     *,
+    choices: Sequence[Sequence[Submap]] | None = None,
     gap: float = 1e-20,
     max_rounds: int = 300,
     options: Options = DEFAULTS,
@@ -49,13 +50,15 @@ def exact_join(
 ) -> Joined:
     """The join of the submaps of all pieces, in rounds until it is the full least squares.
 
+    `choices`: of each piece the submaps to start from, as `build_choices` gives them; by default they are built here.
     Stops when the decrease of F still to be had is below `gap` of F, or rounding is all that is left of it. Every
     component carries its `exactness`; one that did not get there within `max_rounds` says so in its status. Law: the
     estimate is that of `full` on the same data. Raises as `build` and `join` do.
     """
-    alternatives = [build_choices(piece, options=options) for piece in pieces]
-    raw_of = {found[0].id: piece for piece, found in zip(pieces, alternatives, strict=True)}
-    refuse_double_counting(in_order(found[0] for found in alternatives))
+    if choices is None:
+        choices = [build_choices(piece, options=options) for piece in pieces]
+    raw_of = {found[0].id: piece for piece, found in zip(pieces, choices, strict=True)}
+    refuse_double_counting(in_order(found[0] for found in choices))
     rough = replace(options, decrement=max(options.decrement, 1e-3))
 
     def solve(submaps: Sequence[Submap]) -> Joined:
@@ -66,7 +69,7 @@ def exact_join(
         )
         return Joined(tuple(components), first.reasons)
 
-    return lowest(alternatives, solve)
+    return lowest(choices, solve)
 
 
 def _rounds(
