@@ -58,6 +58,23 @@ def test_a_broken_chain_is_cut_and_a_whole_one_is_demanded() -> None:
         build(broken)
 
 
+def test_a_row_from_another_robots_pose_is_refused_and_said_where() -> None:
+    """Moved there by its table: row and pose are named, and what to do. A submap of it there is none either."""
+    dataset = team("planar", robots=2)
+    borrowed = [replace(t, robot=1) if (t.robot, t.source) == (2, "landmarks") else t for t in dataset.tables]
+    for make in (split, lambda log: build(log.of_robot(1))):
+        with pytest.raises(ModelError, match=r"row 0 of the landmarks of robot 1 was taken from robot 2 at .* its own"):
+            make(dataset.with_tables(borrowed))
+
+
+def test_a_pose_of_one_robot_seen_from_another_may_stand_in_either_ones_table() -> None:
+    dataset = team("planar", robots=2)
+    swapped = [replace(t, robot=3 - t.robot) if t.source == "robots" else t for t in dataset.tables]
+    joined = join(submaps_of(dataset.with_tables(swapped))).map
+    apart = joined.values.minus(join(submaps_of(dataset)).map.values)
+    np.testing.assert_allclose(apart, 0.0, atol=0.02)
+
+
 # --- build (Algorithm 1) ------------------------------------------------------------------------------------------
 
 

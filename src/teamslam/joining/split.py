@@ -9,8 +9,9 @@ by dead reckoning.
 
 import numpy as np
 
+from teamslam.errors import ModelError
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.model import Dataset, Table, is_pose, robot_of
+from teamslam.model import Dataset, Names, Table, is_pose, robot_of
 
 MIN_POSES = 10  # pieces cut by heading are not shorter: they would cost more to join than they save
 
@@ -20,7 +21,7 @@ def split(dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma
 
     `poses_per_piece` cuts by count; `heading_sigma` [rad] where the standard deviation of the dead-reckoned heading,
     summed along the odometry, reaches it. Law: the pieces' tables together hold every row of the dataset's tables
-    once.
+    once. Raises ModelError where a row in a robot's table was taken from another robot's pose.
     """
     return [
         piece
@@ -32,6 +33,8 @@ def split(dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma
 def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_sigma: float | None) -> list[Dataset]:
     if not log.tables:
         return []
+    for table in log.tables:
+        _refuse_borrowed(table, log.names)
     poses = log.pose_keys[robot]
     variance, linked = odometry_along(log, robot, poses)
     starts = _cuts(variance, linked, poses_per_piece, heading_sigma)
@@ -41,6 +44,18 @@ def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_
         tables = (t.select(rows == number) for t, rows in zip(log.tables, piece_of_row, strict=True))
         pieces.append(log.with_tables(t for t in tables if len(t)))
     return [piece for piece in pieces if piece.tables]
+
+
+def _refuse_borrowed(table: Table, names: Names) -> None:
+    own = (robot_of(table.keys) == table.robot).any(1)
+    if table.row.unary or own.all():
+        return
+    row = int(np.flatnonzero(~own)[0])
+    raise ModelError(
+        f"row {int(table.ids[row])} of the {table.source} of robot {names.robot(table.robot)} was taken from "
+        f"{names.describe(int(table.keys[row, 0]))}; a submap is built from what a robot saw from its own poses: put "
+        f"the row into a table of the robot that saw it"
+    )
 
 
 def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
