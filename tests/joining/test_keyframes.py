@@ -47,7 +47,15 @@ def test_what_changes_nothing_gives_the_dataset_back() -> None:
     assert keyframe(LOG, every=1) is LOG
 
 
-@pytest.mark.parametrize("rule", [{}, {"every": 2, "min_interval_s": 1.0}, {"every": 0}, {"min_interval_s": -1.0}])
-def test_rules_that_make_no_sense_are_refused(rule: dict[str, float]) -> None:
-    with pytest.raises(InputError):
+@pytest.mark.parametrize(
+    ("rule", "words"),
+    [
+        ({}, "either"),
+        ({"every": 2, "min_interval_s": 1.0}, "not both"),
+        ({"every": 0}, "one in 0 .* 1 keeps all"),
+        ({"min_interval_s": -1.0}, "-1 s apart"),
+    ],
+)
+def test_rules_that_make_no_sense_are_refused(rule: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
         keyframe(LOG, **rule)

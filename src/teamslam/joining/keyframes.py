@@ -23,8 +23,10 @@ def keyframe(dataset: Dataset, *, every: int | None = None, min_interval_s: floa
     """
     if (every is None) == (min_interval_s is None):
         raise InputError("give either every (a count) or min_interval_s (seconds), and not both")
-    if (every is not None and every < 1) or (min_interval_s is not None and not min_interval_s >= 0.0):
-        raise InputError("every is at least 1, and min_interval_s at least 0")
+    if every is not None and every < 1:
+        raise InputError(f"of the sightings of robots one in {every} cannot be kept; 1 keeps all, 50 every fiftieth")
+    if min_interval_s is not None and not min_interval_s >= 0.0:
+        raise InputError(f"sightings of robots cannot be {min_interval_s:g} s apart; 0 keeps all, 10 one in 10 s")
     ticks = 0 if min_interval_s is None else math.ceil(min_interval_s / dataset.names.tick_s - 1e-6)
     tables, dropped = [], 0
     for table in dataset.tables:
