@@ -57,7 +57,8 @@ def test_an_exact_run_stops_at_the_stated_gap(teamslam, log: Path, tmp_path: Pat
 
 
 def test_a_log_is_built_without_a_detour(teamslam, log: Path, tmp_path: Path) -> None:
-    assert teamslam("build", log, "--out", tmp_path / "submaps", "--version", 4).code == 0
+    called = teamslam("build", log, "--out", tmp_path / "submaps", "--version", 4, "-q")
+    assert (called.code, called.out, called.err) == (0, "", "")
     assert {s.version for s in read_submaps(tmp_path / "submaps")} == {4}
 
 

@@ -53,3 +53,12 @@ def test_what_does_not_go_together_is_refused(
     called = teamslam("run", log, "--out", tmp_path / "out", *asked)
     assert called.code == 2 and reason in called.err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["run", "join"])
+def test_where_no_scheduler_answers_nothing_is_left_behind(teamslam, log: Path, tmp_path: Path, command: str) -> None:
+    pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    inputs = {"run": log, "join": log.with_name("submaps")}
+    called = teamslam(command, inputs[command], "--out", tmp_path / "out", "--cluster", "nowhere")
+    assert called.code == 2 and "no dask scheduler answers at nowhere" in called.err
+    assert list(tmp_path.iterdir()) == []

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import worlds
 from teamslam.cli import main
 
 
@@ -25,3 +26,14 @@ def test_the_demo_shows_that_joining_is_close_and_exact_joining_equal(
         assert all(r["converged"] and r["components"] == 1 for r in reports.values())
         assert reports["exact"]["cost"] == pytest.approx(reports["full"]["cost"], rel=1e-9)
         assert reports["joined"]["cost"] == pytest.approx(reports["full"]["cost"], rel=0.01)
+
+
+def test_a_quiet_demo_says_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "teamslam.cli.demo.demo_teams", lambda seed: {"small": ("A small team", worlds.team(seed=seed))}
+    )
+    assert main(["demo", "--out", str(tmp_path / "demo"), "-q"]) == 0
+    assert (tmp_path / "demo" / "demo.png").exists()
+    assert capsys.readouterr() == ("", "")

@@ -1,6 +1,9 @@
 """`teamslam build`: submaps from a log or from pieces of one (Algorithm 1)."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 
 def build(
@@ -9,6 +12,7 @@ def build(
     version: int = 0,
     poses_per_piece: int | None = None,
     format: str | None = None,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Build a submap of every piece of a log, each in its own frame.
 
@@ -32,6 +36,8 @@ def build(
         Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry.
     format
         The format of the log, where it cannot be told from its looks.
+    quiet
+        Print nothing but errors.
     """
     from teamslam.cli.console import complain, progress_bar, say
     from teamslam.cli.pieces import pieces_in
@@ -49,7 +55,7 @@ def build(
     if not pieces:
         raise InputError("none of these pieces can be built; see the reasons above")
     submaps, failed = [], len(damaged)
-    with progress_bar() as progress:
+    with progress_bar(quiet) as progress:
         for number, piece in enumerate(pieces, 1):
             progress("building submaps", number, len(pieces))
             try:
@@ -59,5 +65,6 @@ def build(
                 complain(f"piece {number} of {len(pieces)} gave no submap: {error}")
     with whole_folder(out) as draft:
         write_submaps(submaps, draft)
-    say(f"written: {out}: {len(submaps)} submaps of {len({r for s in submaps for r in s.robots})} robots")
+    if not quiet:
+        say(f"written: {out}: {len(submaps)} submaps of {len({r for s in submaps for r in s.robots})} robots")
     return 1 if failed else 0

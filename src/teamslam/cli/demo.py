@@ -1,7 +1,9 @@
 """`teamslam demo`: what submap joining gives, on two simulated teams, in under a minute."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -11,7 +13,12 @@ if TYPE_CHECKING:
     from teamslam.results import Record
 
 
-def demo(*, out: Path = Path("demo"), seed: int = 1) -> int:
+def demo(
+    *,
+    out: Path = Path("demo"),
+    seed: int = 1,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
     """Simulate two teams, map them by joining and by full least squares, and draw what comes out.
 
     First the paper's world: three robots, three landmarks. Then a larger team. No robot knows where the others
@@ -30,6 +37,8 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> int:
         The folder to write; an earlier demo in it is replaced.
     seed
         Of everything that is drawn.
+    quiet
+        Print nothing but errors.
     """
     from teamslam.cli.console import progress_bar, say, table
     from teamslam.cli.words import comparison
@@ -41,20 +50,27 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> int:
     for name, (title, dataset) in demo_teams(seed).items():
         records = {}
         for method, options in demo_methods().items():
-            with progress_bar() as progress:
+            with progress_bar(quiet) as progress:
                 result = run(dataset, options, progress)
             records[method] = write_run(result, out / f"{name}-{method}", replace=True, figures=method == "joined")
             converged &= result.joined.converged and len(result.joined.components) == 1
-        table(title, *comparison(records))
+        if not quiet:
+            table(title, *comparison(records))
         drawn[title] = records["joined"]
     overview(drawn).savefig(out / "demo.png")
-    say(f"""Shown: joining small submaps, exchanged once, comes close to solving for everything at once ("full"), and
+    if not quiet:
+        say(what_next(out))
+    return 0 if converged else 1
+
+
+def what_next(out: Path) -> str:
+    """What was shown, where to look, and what to try."""
+    return f"""Shown: joining small submaps, exchanged once, comes close to solving for everything at once ("full"), and
 joining in rounds ("exact") reaches it; cost counts all measurements, and NEES / dof near 1 means honest covariances.
 Look at  {out / "demo.png"}, then at the figures in {out / "team-joined"}
 Next     teamslam simulate my-team && teamslam run my-team --out my-map
          teamslam run MRCLAM_Dataset6 --out real      five real robots (data: see README)
-         teamslam --help""")
-    return 0 if converged else 1
+         teamslam --help"""
 
 
 def demo_teams(seed: int) -> "dict[str, tuple[str, Dataset]]":

@@ -42,12 +42,15 @@ def config_for(
 
 
 def workers_for(count: int | None, cluster: str | None) -> "Workers | None":
-    """The workers that were asked for, None where none were. InputError where both kinds were."""
+    """The workers that were asked for, None where none were. InputError where both kinds were, and, before any work is
+    done or written, where no scheduler answers."""
     from teamslam.errors import InputError
     from teamslam.net import Cluster, Processes
 
     if count is not None and cluster is not None:
         raise InputError("give --workers for processes of this machine, or --cluster for those of a cluster, not both")
     if cluster is not None:
-        return Cluster(cluster)
+        workers = Cluster(cluster)
+        workers.open().shutdown()
+        return workers
     return None if count is None else Processes(count)
