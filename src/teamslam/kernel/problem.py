@@ -272,8 +272,8 @@ class Problem:
         return cost + user_cost, system[size : size + pattern.scalars], system[:size]
 
     def slope(self, state: ArrayLike) -> tuple[float, Floats]:
-        """Cost and gradient alone, as `linearise` gives them, in a third to a half of its time. ModelError where there are
-        blocks of a user's."""
+        """Cost and gradient alone, as `linearise` gives them, in a third to a half of its time. ModelError where there
+        are blocks of a user's."""
         x = self._state(state)
         start, end = self.pattern.size, self.pattern.size + self.pattern.scalars
         system = np.empty(self._system)
