@@ -3,9 +3,9 @@
     python benchmarks/starts.py [--teams 10000] [--first-seed 0] [--workers 2] [--out docs/benchmarks/starts.md]
 
 Teams of the paper's simulation at its highest noise (0.3 and 0.4, metres and radians), a quarter each of its two
-scenarios with 4 and 12 poses a robot; team n of each has seed `first-seed` + n. Ours: `teamslam.full(dataset)`, which sees the
-measurements alone. Truth: the same least squares from the true values. A team counts as reached where our cost is at
-most (1 + 1e-6) times the truth's.
+scenarios with 4 and 12 poses a robot; team n of each has seed `first-seed` + n. Ours: `teamslam.full(dataset)`, which
+sees the measurements alone. Truth: the same least squares from the true values. A team counts as reached where our
+cost is at most (1 + 1e-6) times the truth's.
 """
 
 import argparse
