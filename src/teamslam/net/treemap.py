@@ -60,7 +60,10 @@ class TreeMap:
 def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
     """The whole map in memory, with its information: all submaps joined at once, from the tree's estimate on.
 
-    Law: the optimum is that of `teamslam.join`; what the levels of the tree left to second order is removed.
+    What the levels of the tree left to second order is removed. Law: the map is an optimum of the cost that
+    `teamslam.join` has, and its map where that cost has one optimum. It may have more: a submap whose frame is a pose
+    that hangs on the rest by a poorly known turn is a Gaussian in the wrong coordinates, with an optimum on either side
+    of the truth, and the tree's estimate may lie nearer to another one, of lower or of higher cost.
     """
     submaps = {submap.id: submap for submap in tree.leaves()}
     components = []
