@@ -145,7 +145,7 @@ def test_damage_under_a_good_digest_gives_a_message_or_an_error(kind: str, data:
 
 
 def test_a_message_of_another_version_says_what_to_do() -> None:
-    with pytest.raises(InputError, match="of version 9; this teamslam reads version 1"):
+    with pytest.raises(InputError, match="of version 9; this teamslam reads version 2"):
         receive(MESSAGE[:3] + b"\x09" + MESSAGE[4:])
 
 

@@ -60,6 +60,17 @@ def test_gaussian_integers_take_little_more_than_their_entropy(sigma: float) -> 
     assert len(out.content()) < 1.15 * entropy + 0.05 * len(values) / 8 + 20
 
 
+@pytest.mark.parametrize("mean", [1.5, 12.0, 300.0])
+def test_integers_none_of_which_is_negative_pay_for_no_sign(mean: float) -> None:
+    """Lengths of stretches and of the gaps between them are drawn like this."""
+    values = np.random.default_rng(0).geometric(1.0 / (mean + 1.0), size=20_000) - 1
+    entropy = (np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / mean)) / 8.0 * len(values)
+    out = Writer()
+    out.integers(values)
+    assert len(out.content()) < 1.05 * entropy + 20
+    assert_array_equal(Reader(out.content()).integers(len(values)), values)
+
+
 @given(st.binary(max_size=60), st.integers(1, 50))
 def test_any_bytes_are_read_or_refused(data: bytes, count: int) -> None:
     for read in (lambda s: s.integers(count), lambda s: s.columns(count, 2), lambda s: s.reals(count), Reader.count):

@@ -399,14 +399,14 @@ def _put_sources(out: Writer, sources: Sources) -> None:
         out.number(len(stretches))
         edges = np.array(stretches, np.int64).ravel()
         out.number(int(edges[0]))
-        out.integers(np.diff(edges), np.arange(len(edges) - 1) % 2)
+        out.integers(np.diff(edges) - 1, np.arange(len(edges) - 1) % 2)
 
 
 def _get_sources(source: Reader) -> Sources:
     found = []
     for _ in range(source.count()):
         robot, name, count, first = source.number(), source.text(), source.count(), source.number()
-        steps = source.integers(2 * count - 1, np.arange(2 * count - 1) % 2)
+        steps = source.integers(2 * count - 1, np.arange(2 * count - 1) % 2) + 1
         edges = first + np.concatenate([[0], np.cumsum(steps)])
         found += [Stretch(robot, name, int(a), int(b)) for a, b in edges.reshape(-1, 2).tolist()]
     return Sources(found)

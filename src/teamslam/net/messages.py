@@ -38,7 +38,7 @@ from teamslam.net.rounding import EXACT, Precision
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
-MAGIC, VERSION = b"tsm", 1
+MAGIC, VERSION = b"tsm", 2
 PLAIN, DEFLATED = 0, 1
 DIGEST = 8
 LARGEST = 1 << 31  # bytes after inflation: a guard against messages made to exhaust memory

@@ -6,6 +6,8 @@ Integers go in one of two ways, whichever is shorter; neither needs a table, bot
               a group are of like size, within a tenth of a bit of their entropy
     by width  how many bits u has, less the median of that, Rice coded; then its bits below the leading one: where
               sizes are mixed
+
+u is the integer itself where none is negative, else 0, -1, 1, -2, 2, ... in that order.
 """
 
 import struct
@@ -17,7 +19,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
 
 UnsignedArray = NDArray[np.uint64]
-RICE, BY_WIDTH = b"\0", b"\1"
+RICE, BY_WIDTH, SIGNED = 0, 1, 2
 
 DAMAGED = "the message is damaged: {}; ask for it again"
 
@@ -66,8 +68,11 @@ class Writer:
         """Integers of any sign; those of one group (0, 1, ...) are of like size. The reader knows their number."""
         flat = np.ascontiguousarray(values, np.int64).ravel()
         if len(flat):
-            unsigned = _zigzag(flat)
-            self._parts.append(min(_rice(unsigned, groups), _by_width(unsigned), key=len))
+            signed = bool(flat.min() < 0)
+            unsigned = _zigzag(flat) if signed else flat.astype(np.uint64)
+            ways = {RICE: _rice(unsigned, groups), BY_WIDTH: _by_width(unsigned)}
+            way = min(ways, key=lambda name: len(ways[name]))
+            self._parts.append(bytes([way | SIGNED * signed]) + ways[way])
 
     def columns(self, values: IntArray) -> None:
         """A table of integers (m, c): each column as steps from row to row, or about its median, whichever is less."""
@@ -147,15 +152,20 @@ class Reader:
         """As many integers, in the same groups as they were written in."""
         if not count:
             return np.zeros(0, np.int64)
-        if self.take(1) == RICE:
-            return _unzigzag(self._rice(count, groups))
+        way = self.take(1)[0]
+        if way > BY_WIDTH | SIGNED:
+            raise InputError(DAMAGED.format("integers in it are written in no way that is known"))
+        unsigned = self._by_width(count) if way & BY_WIDTH else self._rice(count, groups)
+        return _unzigzag(unsigned) if way & SIGNED else unsigned.astype(np.int64)
+
+    def _by_width(self, count: int) -> UnsignedArray:
         median = self.number()
         widths = _unzigzag(self._rice(count, None)) + median
         if widths.min() < 0 or widths.max() > 64:
             raise InputError(DAMAGED.format("an integer in it is wider than 64 bits"))
         below = self._bits(np.maximum(widths - 1, 0))
         leading = np.left_shift(np.uint64(1), np.maximum(widths - 1, 0).astype(np.uint64))
-        return _unzigzag(np.where(widths > 0, leading | below, np.uint64(0)))
+        return np.where(widths > 0, leading | below, np.uint64(0))
 
     def _rice(self, count: int, groups: IntArray | None) -> UnsignedArray:
         of_group = np.zeros(count, np.int64) if groups is None else np.asarray(groups)
@@ -207,7 +217,7 @@ def _rice(unsigned: UnsignedArray, groups: IntArray | None) -> bytes:
     unary = np.packbits(ones).tobytes()
     head = Writer()
     head.number(len(unary))
-    return RICE + bits.astype(np.uint8).tobytes() + head.content() + unary + _low_bits(unsigned, k)
+    return bits.astype(np.uint8).tobytes() + head.content() + unary + _low_bits(unsigned, k)
 
 
 def _by_width(unsigned: UnsignedArray) -> bytes:
@@ -217,8 +227,8 @@ def _by_width(unsigned: UnsignedArray) -> bytes:
     median = int(np.median(widths))
     head = Writer()
     head.number(median)
-    coded = _rice(_zigzag(widths - median), None)[1:]
-    return BY_WIDTH + head.content() + coded + _low_bits(unsigned, np.maximum(widths - 1, 0))
+    coded = _rice(_zigzag(widths - median), None)
+    return head.content() + coded + _low_bits(unsigned, np.maximum(widths - 1, 0))
 
 
 def _low_bits(unsigned: UnsignedArray, widths: IntArray) -> bytes:
