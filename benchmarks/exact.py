@@ -5,8 +5,10 @@
 Exact: `teamslam.exact_join(teamslam.split(log))`. Full: `teamslam.full(log, initial=start)` to rounding, where `start`
 is the ordinary join, and once more from that join with every unknown moved at random by a millimetre and a milliradian.
 *gap* is what the exact join says of itself (the decrease of cost still to be had, over the cost); *cost* and *estimate*
-are the largest differences between it and the two full solutions, the estimate's in metres and radians. Bytes count
-eight for every number sent, up and down. Simulated teams: 4 robots of 60 poses with `simulate`'s noise, seed 0.
+are the largest differences between it and the two full solutions, the estimate's in metres and radians. *rounds* are
+those in which all robots linearise, that of the join itself and those given up (curvature that turned out indefinite)
+among them; bytes count eight for every number sent in them, up and down, and for every part of a step that was tried.
+Simulated teams: 4 robots of 60 poses with `simulate`'s noise, seed 0.
 """
 
 import argparse
