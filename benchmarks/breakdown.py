@@ -59,7 +59,7 @@ def parts(problem: Problem, repetitions: int, product: float, copy: float) -> di
     factor = system.factor(start)
     factor.factorise(at.hessian.numbers)
     step = factor.solve(at.gradient)
-    found = kernel.Factor(system.pattern, positions=places).statistics
+    found = kernel.Factor(kernel.Analysis(system.pattern, positions=places)).statistics
     factorise = least(lambda: factor.factorise(at.hessian.numbers))
 
     def fresh() -> System:

@@ -9,7 +9,7 @@ import pytest
 # A chain of cliques, so that there are fronts of many sizes, among them some that are packed.
 SCRIPT = """
 import numpy as np
-from teamslam.kernel import BlockPattern, Factor
+from teamslam.kernel import Analysis, BlockPattern, Factor
 rng = np.random.default_rng(3)
 sizes = [1, 2, 3, 5, 40, 7, 60, 30, 90, 2, 64, 1, 33]
 dofs = np.repeat(np.array([1, 2, 3, 6]), 110)[: sum(sizes) + 1]
@@ -34,7 +34,7 @@ values = np.concatenate([
     for r in pattern.row[pattern.column_start[c] : pattern.column_start[c + 1]]
 ])
 for ordering in ("minimum_degree", "natural"):
-    factor = Factor(pattern, ordering)
+    factor = Factor(Analysis(pattern, ordering))
     factor.factor(values)
     B = rng.normal(size=(pattern.scalars, 11))
     np.testing.assert_allclose(factor.solve(B), np.linalg.solve(H, B), rtol=0, atol=1e-10)

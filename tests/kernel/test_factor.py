@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from strategies import generators
 from teamslam import kernel
-from teamslam.kernel import BlockPattern, Factor, NotPositiveDefinite
+from teamslam.kernel import Analysis, BlockPattern, Factor, NotPositiveDefinite
 from teamslam.kernel.factor import ORDERINGS
 
 SHAPES = ("sparse", "chain", "star", "full", "scattered")
@@ -68,7 +68,7 @@ def factored(pattern, a, ordering, rng, last=None):
     rows, columns = entries(pattern)
     damping = 0.5 * np.diag(a)
     values = (a - np.diag(damping))[rows, columns]
-    factor = Factor(pattern, ordering, rng.normal(size=(len(pattern.dofs), 3)), last)
+    factor = Factor(Analysis(pattern, ordering, rng.normal(size=(len(pattern.dofs), 3)), last))
     return factor, values, damping
 
 
@@ -138,7 +138,7 @@ def test_what_nothing_determines_is_named():
             jacobian = np.zeros((3, 3 * n))
             jacobian[:, 3 * k : 3 * k + 3], jacobian[:, 3 * k + 3 : 3 * k + 6] = -s, s
             a += jacobian.T @ jacobian
-        factor = Factor(pattern, ordering, rng.normal(size=(n, 3)))
+        factor = Factor(Analysis(pattern, ordering, rng.normal(size=(n, 3))))
         with pytest.raises(NotPositiveDefinite):
             factor.factor(a[entries(pattern)])
 
@@ -176,7 +176,7 @@ def test_one_thread_or_two_same_bits_and_right(ordering):
     try:
         for threads in (1, 2, 2):
             kernel.set_threads(threads)
-            factor = Factor(pattern, ordering, positions)
+            factor = Factor(Analysis(pattern, ordering, positions))
             factor.factor(values)
             results.append((factor.order, factor.solve(rhs), factor.inverse_on_pattern(), factor.log_determinant()))
     finally:
@@ -210,5 +210,5 @@ def test_fill_on_a_grid_is_near_the_optimum(ordering):
     second = np.concatenate([index[:, 1:].ravel(), index[1:].ravel()])
     pattern = BlockPattern.from_pairs(np.full(side * side, 3), first, second)
     places = np.column_stack([*np.divmod(np.arange(side * side), side), np.zeros(side * side)])
-    flops = Factor(pattern, ordering, places).statistics.flops
+    flops = Factor(Analysis(pattern, ordering, places)).statistics.flops
     assert flops < 2 * 829 / 84 * (3 * side) ** 3

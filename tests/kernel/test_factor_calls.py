@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from kernel.formulas import dense, on_pattern
 from teamslam.errors import ModelError, SolveError
-from teamslam.kernel import BlockPattern, Factor, NotPositiveDefinite
+from teamslam.kernel import Analysis, BlockPattern, Factor, NotPositiveDefinite
 
 
 @st.composite
@@ -42,7 +42,7 @@ def test_a_factor_serves_again(case):
 
 def test_the_order_of_calls_is_kept():
     pattern = BlockPattern.from_pairs([2, 3], [0], [1])
-    factor = Factor(pattern, last=[1])
+    factor = Factor(Analysis(pattern, last=[1]))
     values = on_pattern(pattern, np.eye(5))
     with pytest.raises(SolveError, match="call factor first"):
         factor.solve(np.ones(5))
@@ -64,7 +64,7 @@ def test_what_does_not_fit_is_refused():
     for bad in ({"ordering": "best"}, {"positions": np.ones((3, 3))}, {"positions": np.full((2, 3), np.nan)},
                 {"last": [2]}, {"last": [-1]}, {"last": [1, 1]}, {"ordering": "geometric"}):  # fmt: skip
         with pytest.raises(ModelError):
-            Factor(pattern, **bad)
+            Analysis(pattern, **bad)
     with pytest.raises(ModelError, match="no variables"):
         Factor(BlockPattern.from_pairs([], [], []))
     factor = Factor(pattern)
@@ -99,3 +99,29 @@ def test_dense_and_on_pattern_are_inverse():
     pattern = BlockPattern.from_pairs([2, 3, 6], [0, 2], [1, 0])
     values = on_pattern(pattern, dense(pattern, rng.normal(size=pattern.size)))
     np.testing.assert_array_equal(on_pattern(pattern, dense(pattern, values)), values)
+
+
+@given(matrices())
+def test_factors_share_an_analysis(case):
+    rng, pattern, values, H = case
+    analysis = Analysis(pattern)
+    first, second = Factor(analysis), Factor(analysis)
+    first.factor(values)
+    second.factor(2.0 * values)
+    b = rng.normal(size=len(H))
+    np.testing.assert_allclose(first.solve(b), 2.0 * second.solve(b), rtol=1e-12, atol=1e-12)
+
+
+@given(matrices(), st.data())
+def test_covariances_of_some_are_those_of_all(case, data):
+    _, pattern, values, _ = case
+    factor = Factor(pattern)
+    factor.factor(values)
+    every = factor.diagonal_inverse()
+    some = data.draw(st.lists(st.integers(0, len(pattern.dofs) - 1), max_size=5))
+    found = factor.diagonal_inverse(np.array(some, int))
+    assert len(found) == len(some)
+    for v, block in zip(some, found, strict=True):
+        np.testing.assert_array_equal(block, every[v])
+    with pytest.raises(ModelError, match="variables"):
+        factor.diagonal_inverse([len(pattern.dofs)])

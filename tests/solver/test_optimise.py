@@ -42,6 +42,22 @@ def test_every_rule_reaches_the_optimum(world: str, rule: str) -> None:
     np.testing.assert_allclose(solution.values.minus(where), 0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("robots_by", ["relative_pose", "range"])
+@pytest.mark.parametrize("decrement", [1e-1, 1e-3, 1e-6])
+def test_a_run_ends_as_near_to_the_optimum_as_it_says(world: str, robots_by: str, decrement: float) -> None:
+    for seed in range(5):
+        _, system, start = problem(world, sigma=0.1, seed=seed, robot_model=robots_by)
+        solution = optimise(system, start, Options(decrement=decrement, cost_share=0.0))
+        at = system.linearise(solution.values)
+        factor = system.factor(solution.values)
+        factor.factorise(at.hessian.numbers)
+        left = float(np.sqrt(at.gradient @ factor.solve(at.gradient)))
+        assert solution.converged
+        assert left <= decrement
+        assert solution.decrement <= decrement
+
+
 class Counting(Factor):
     """A factor that knows how often it was made anew."""
 

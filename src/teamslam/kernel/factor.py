@@ -87,27 +87,12 @@ class Analysis:
 class Factor:
     """The Cholesky factor of matrices of one pattern: analysed once, factorised as often as wanted.
 
-    Takes the arguments of `Analysis`, or shares one: `Factor.of(analysis)`. Nothing is regularised: NotPositiveDefinite
-    names the variable.
+    `structure` is the pattern, or an analysis of it to share. Nothing is regularised: NotPositiveDefinite names the
+    variable.
     """
 
-    def __init__(
-        self,
-        pattern: BlockPattern,
-        ordering: str = "automatic",
-        positions: ArrayLike | None = None,
-        last: ArrayLike | None = None,
-    ) -> None:
-        self._begin(Analysis(pattern, ordering, positions, last))
-
-    @classmethod
-    def of(cls, analysis: Analysis) -> "Factor":
-        """A factor that shares an analysis and holds nothing yet."""
-        factor = cls.__new__(cls)
-        factor._begin(analysis)
-        return factor
-
-    def _begin(self, analysis: Analysis) -> None:
+    def __init__(self, structure: BlockPattern | Analysis) -> None:
+        analysis = structure if isinstance(structure, Analysis) else Analysis(structure)
         pointer = library.factor_new(analysis.pointer)
         if not pointer:
             raise SolveError(library.error().decode())

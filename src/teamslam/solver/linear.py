@@ -85,7 +85,7 @@ class Factor:
         self.layout, self.names = layout, names or Names()
         if isinstance(structure, kernel.BlockPattern):
             structure = kernel.Analysis(structure, last=last)
-        self._factor = kernel.Factor.of(structure)
+        self._factor = kernel.Factor(structure)
 
     @classmethod
     def of(cls, layout: Layout, matrix: Matrix | sp.csr_array, names: Names | None = None) -> "Factor":
