@@ -21,11 +21,11 @@ namespace {
 
 // The best first. TEAMSLAM_DENSE names one that is to be used instead, if the processor has it: for tests.
 const DenseKernels& choose() {
+#if defined(TEAMSLAM_DENSE_X86)
   const char* wanted = std::getenv("TEAMSLAM_DENSE");
   const auto serves = [&](const DenseKernels& kernels) {
     return wanted == nullptr || std::strcmp(wanted, kernels.name) == 0;
   };
-#if defined(TEAMSLAM_DENSE_X86)
   const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   const bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl");
   if (avx512 && serves(dense_avx512::kernels)) return dense_avx512::kernels;
