@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from strategies import generators
 from teamslam import kernel
 from teamslam.kernel import Analysis, BlockPattern, Factor, NotPositiveDefinite
-from teamslam.kernel.factor import ORDERINGS
+from teamslam.kernel.analysis import ORDERINGS
 
 SHAPES = ("sparse", "chain", "star", "full", "scattered")
 

@@ -13,7 +13,8 @@ H d = g with H = sum J'W'WJ and g = sum J'W'We; the cost is sum rho(|We|^2), wit
     state = problem.retract(state, factor.solve(gradient))
 """
 
-from teamslam.kernel.factor import POSITIONS_HELP_FROM, Analysis, Factor, NotPositiveDefinite, Statistics
+from teamslam.kernel.analysis import POSITIONS_HELP_FROM, Analysis
+from teamslam.kernel.factor import Factor, NotPositiveDefinite, Statistics
 from teamslam.kernel.library import set_threads, threads
 from teamslam.kernel.pattern import BlockPattern
 from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, Problem
