@@ -38,8 +38,7 @@ def main() -> None:
             "cmake", "-S", source, "-B", build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
             f"-DCMAKE_INSTALL_PREFIX={target}", f"-DCMAKE_MODULE_PATH={work / 'find'}",
             f"-DFETCHCONTENT_SOURCE_DIR_CLI11_PROJ={work / 'parser'}", *(f"-DG2O_{name}=OFF" for name in off),
-            *(f"-DG2O_BUILD_{name}_TYPES=OFF" for name in ("SLAM2D_ADDON", "DATA", "SCLAM2D", "SLAM3D_ADDON", "SBA",
-                                                           "ICP", "SIM3")),
+            *(f"-DG2O_BUILD_{name}_TYPES=OFF" for name in ("DATA", "SCLAM2D", "SBA", "ICP", "SIM3")),
         )  # fmt: skip
         run("cmake", "--build", build)
         run("cmake", "--install", build)
