@@ -6,6 +6,7 @@ Installs into build/g2o, or FOLDER, where `run.py` finds it (there, or by the en
 minutes. Needs g++, cmake, ninja, pip, and Debian's libeigen3-dev, libsuitesparse-dev and nlohmann-json3-dev.
 """
 
+import argparse
 import subprocess
 import sys
 import tarfile
@@ -26,7 +27,9 @@ set(CHOLMOD_FOUND TRUE)
 
 
 def main() -> None:
-    target = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else native.G2O
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, nargs="?", default=native.G2O)
+    target = parser.parse_args().folder.resolve()
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         source, build = unpacked(work), work / "build"

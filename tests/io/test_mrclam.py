@@ -170,7 +170,7 @@ DAMAGE: dict[str, tuple[dict[str, str | None], str]] = {
     "NaN": ({"Robot1_Odometry": "# t\n1000 nan 0\n"}, r"line 2, field 'forward velocity': 'nan' is not a finite"),
     "a huge number": ({"Robot1_Odometry": "1000 1e999 0\n"}, r"line 1, field 'forward velocity'.*not a finite"),
     "a time before 0": ({"Robot1_Odometry": "-5 0 0\n1 0 0\n"}, r"line 1, field 'time': expected a time in seconds"),
-    "milliseconds": ({"Robot1_Odometry": "1248444187156 0 0\n"}, r"line 1, field 'time'.*year 2039"),
+    "milliseconds": ({"Robot1_Odometry": "1000000000000 0 0\n"}, r"line 1, field 'time'.*year 2039"),
     "truth cut off": ({"Robot1_Groundtruth": "1000 0 0\n"}, r"Robot1_Groundtruth\.dat, line 1: expected 4 columns"),
     "landmarks cut off": ({"Landmark_Groundtruth": "6 0 0\n"}, r"Landmark_Groundtruth\.dat, line 1: expected 5"),
 }

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teamslam.config import Config, read_config
+from teamslam.config import Config, JoinOptions, read_config
 from teamslam.errors import InputError
-from teamslam.pipeline import Result
+from teamslam.pipeline import Result, run
 from teamslam.results import Record, read_run, write_run
+from teamslam.results.figures import headline
+from worlds import team
 
 PARTS = {
     "config.toml", "figures", "history.csv", "landmarks.csv", "log.npz", "map.npz", "maps", "report.json", "team.csv",
@@ -140,3 +142,17 @@ def test_the_defaults_are_written_out(result: Result, tmp_path: Path) -> None:
     for word in ("method", "max_iterations", "order"):
         assert word in text
     assert read_config(tmp_path / "run" / "config.toml") == Config()
+
+
+@pytest.mark.parametrize(
+    ("config", "words"),
+    [
+        (Config(), "submap joining"),
+        (Config(join=JoinOptions(exact=True)), "exact submap joining"),
+        (Config(method="full"), "full least squares"),
+    ],
+)
+def test_figures_say_how_the_map_was_made(config: Config, words: str) -> None:
+    """Every join says how exact it is, but only one that went on in rounds is called exact."""
+    record = Record.of(run(team("planar"), config))
+    assert headline(record).partition(": ")[2].lower() == words

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from teamslam.errors import InputError, SolveError
 from teamslam.model import Dataset, Loss, Values
-from teamslam.solver import RULES, Covariances, Factor, Options, Status, System, optimise
+from teamslam.solver import RULES, Covariances, Factor, Options, Status, Step, System, optimise
 from worlds import WORLDS, team
 
 
@@ -56,6 +56,16 @@ def test_a_run_ends_as_near_to_the_optimum_as_it_says(world: str, robots_by: str
         assert solution.converged
         assert left <= decrement
         assert solution.decrement <= decrement
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("decrement", [1e-3, 1e-15])  # the second is beyond rounding, where a run ends without a step
+def test_progress_hears_of_every_step_once(world: str, rule: str, decrement: float) -> None:
+    _, system, start = problem(world, sigma=0.1)
+    told: list[Step] = []
+    solution = optimise(system, start, Options(rule=rule, decrement=decrement, cost_share=0.0), told.append)
+    assert tuple(told) == solution.history
 
 
 class Counting(Factor):

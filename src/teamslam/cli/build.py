@@ -46,7 +46,7 @@ def build(
     from teamslam.joining import build as build_submap
     from teamslam.results.folder import refuse_to_overwrite, whole_folder
 
-    refuse_to_overwrite(out, replace=False)
+    refuse_to_overwrite(out, replace=None)
     if version < 0:
         raise InputError(f"versions of submaps are counted from 0, found {version}", field="version")
     pieces, damaged = pieces_in(inputs, format, poses_per_piece)

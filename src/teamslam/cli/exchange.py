@@ -104,10 +104,16 @@ def exchange(
 
 
 def _write_ledger(sent: "Ledger", names: "Names", path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        out = csv.writer(file)
-        out.writerow(["sender", "receiver", "kind", "submap", "version", "bytes"])
-        for line in sent.lines:
-            out.writerow(
-                [names.robot(line.sender), names.robot(line.receiver), line.kind, line.id, line.version, line.bytes]
-            )
+    from io import StringIO
+
+    from teamslam.io.whole import whole_file
+
+    text = StringIO(newline="")
+    out = csv.writer(text)
+    out.writerow(["sender", "receiver", "kind", "submap", "version", "bytes"])
+    for line in sent.lines:
+        out.writerow(
+            [names.robot(line.sender), names.robot(line.receiver), line.kind, line.id, line.version, line.bytes]
+        )
+    with whole_file(path) as file:
+        file.write(text.getvalue().encode())

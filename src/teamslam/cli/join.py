@@ -38,7 +38,7 @@ def join(
     teamslam join robot-1 robot-2 other/3_robot_3.submap --out map
     teamslam join submaps --out map --truth MRCLAM_Dataset6
     teamslam join submaps --out map --pieces pieces
-    teamslam join submaps --out map --without "robot 3"
+    teamslam join submaps --out map --without 3
     teamslam join submaps --out map --workers 8
     teamslam join VicPark_200_local_maps --out map
     ```

@@ -43,7 +43,7 @@ def split(
     from teamslam.net.pieces import write_pieces
     from teamslam.results.folder import refuse_to_overwrite, whole_folder
 
-    refuse_to_overwrite(out, replace=False)
+    refuse_to_overwrite(out, replace=None)
     pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)
     with whole_folder(out) as draft:
         write_pieces(pieces, draft)

@@ -32,7 +32,7 @@ def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
 def exactness(found: Mapping[str, Any] | None) -> str:
     """How far a join is from the full least squares, or why nobody knows."""
     if found is None:
-        return "unknown: the pieces of log are not at hand"
+        return "unknown: the pieces of log are not at hand, or do not determine all"
     gap, shift = f"{found['relative_cost_gap']:.2g}", f"{found['max_shift_sigma']:.2g}"
     rounds = "1 round" if found["rounds"] == 1 else f"{found['rounds']} rounds"
     return f"{gap} of the cost above full least squares, {shift} sigma at most; {rounds}, {found['bytes']:,} bytes"

@@ -209,7 +209,7 @@ class _Team:
             self.system = System(
                 self.values.layout, tables=self.raw, submaps=terms, fixed=frame_of(self.map), names=self.map.names
             )
-            self.factor = Factor(self.system.free, self.system.pattern, names=self.map.names)
+            self.factor = self.system.factor(self.values)
         else:
             for number, term in enumerate(terms):
                 self.system.set_submap(number, term)

@@ -16,7 +16,7 @@ from teamslam.geometry import Array, IntArray
 from teamslam.joining.join import Exactness
 from teamslam.joining.part import Part
 from teamslam.model import Layout, Submap, Table, Values
-from teamslam.solver import Factor, System
+from teamslam.solver import System
 from teamslam.solver.linear import Matrix
 
 
@@ -59,7 +59,8 @@ def gap_at(values: Values, parts: Sequence[Part], raw: Sequence[Table], joined: 
     terms, costs = zip(*(part.term() for part in parts), strict=True)
     system = System(values.layout, tables=raw, submaps=terms, fixed=frame_of(joined), names=joined.names)
     at = system.linearise(values)
-    factor = Factor.of(system.free, at.hessian, joined.names)
+    factor = system.factor(values)
+    factor.factorise(at.hessian.numbers)
     step = factor.solve(at.gradient)
     decrease = max(float(at.gradient @ step), 0.0)
     cost = sum(costs) + raw_cost(raw, values)

@@ -49,9 +49,7 @@ def scene_of(record: Record, number: int) -> Scene:
 def headline(record: Record) -> str:
     """What was mapped, and how: 'MRCLAM_Dataset6: submap joining'."""
     source = Path(str(record.report.get("input") or "")).name or "Team"
-    method = (
-        "exact submap joining" if record.report.get("exactness") else METHOD_NAMES.get(record.method, record.method)
-    )
+    method = "exact submap joining" if record.report.get("exact") else METHOD_NAMES.get(record.method, record.method)
     return f"{source[:1].upper()}{source[1:]}: {method}"
 
 

@@ -112,11 +112,15 @@ def is_run(path: str | Path) -> bool:
 # --- whole or not at all --------------------------------------------------------------------------------------------
 
 
-def refuse_to_overwrite(folder: Path, *, replace: bool) -> None:
-    """Raise InputError where writing to `folder` would destroy something that is not an earlier run."""
+def refuse_to_overwrite(folder: Path, *, replace: bool | None) -> None:
+    """Raise InputError where writing to `folder` would destroy something that is not an earlier run.
+
+    `replace`: whether an earlier run may be replaced; None where the command knows no such thing.
+    """
     if folder.is_dir() and any(folder.iterdir()):
         if not replace:
-            raise InputError("the output folder is not empty; choose another, or replace it with --force", path=folder)
+            cure = "choose another, or empty it" if replace is None else "choose another, or replace it with --force"
+            raise InputError(f"the output folder is not empty; {cure}", path=folder)
         if not is_run(folder):
             raise InputError("the output folder holds something that is no run; it is left alone", path=folder)
     elif folder.exists() and not folder.is_dir():

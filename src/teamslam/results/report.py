@@ -2,7 +2,8 @@
 
 Its fields:
 
-    method, converged, status      how it ended; `status` is a sentence
+    method, exact                  join or full; whether a join went on in rounds
+    converged, status              how it ended; `status` is a sentence
     cost, chi2, dof                sum of losses; sum of squared whitened residuals (no factor 1/2, outliers in full);
                                    rows - unknowns
     objective                      of the last solve: of a join, what eq. (11) adds to the cost of the submaps
@@ -38,6 +39,7 @@ def report_of(result: Result) -> dict[str, Any]:
     return {
         "input": dataset.origin,
         "method": result.config.method,
+        "exact": result.config.method == "join" and result.config.join.exact,
         "converged": joined.converged,
         "status": solution.status.value if solution else ALONE,
         "cost": sum(m.cost for m in maps),

@@ -67,12 +67,12 @@ def optimise(
     progress: Callable[[Step], None] | None = None,
     factor: Factor | None = None,
 ) -> Solution:
-    """The values that minimise the system's cost, from `start`.
+    """The values that minimise the system's cost, from `start`. `progress` hears of every step once.
 
     The information returned is H = J'W'WJ at the estimate, not damped. Raises SolveError where the measurements do not
     determine a variable, naming it.
     """
-    search = _Search(system, start, options)
+    search = _Search(system, start, options, progress)
     if system.free.dof == 0:
         search.status = Status.EMPTY
         return search.solution()
@@ -85,8 +85,6 @@ def optimise(
             search.arrive(trial)
         else:
             search.go_on(trial)
-        if progress is not None and search.history:
-            progress(search.history[-1])
     return search.solution()
 
 
@@ -128,9 +126,11 @@ class _Search:
     cost: float
     made: Callable[[], Matrix]
 
-    def __init__(self, system: System, start: Values, options: Options) -> None:
+    def __init__(
+        self, system: System, start: Values, options: Options, progress: Callable[[Step], None] | None
+    ) -> None:
         self.began = time.perf_counter()
-        self.system, self.options, self.rule = system, options, RULES[options.rule]()
+        self.system, self.options, self.rule, self.progress = system, options, RULES[options.rule](), progress
         self._stand(start, system.linearise(start))
         if not math.isfinite(self.cost):
             raise SolveError("the cost is not finite at the start values; look for infinite or coincident start values")
@@ -254,3 +254,5 @@ class _Search:
     def _note(self, trial: _Trial, accepted: bool) -> None:
         largest, elapsed = float(np.abs(trial.delta).max()), time.perf_counter() - self.began
         self.history.append(Step(self.cost, trial.decrement, largest, self.rule.damping, accepted, elapsed))
+        if self.progress is not None:
+            self.progress(self.history[-1])

@@ -104,13 +104,14 @@ class System:
         converge like Newton's (see `newton`). Sensors that people added have no curvature. `lazy`: H is not expected to
         be wanted, and left until it is where that saves work (between submaps, most of it).
         """
+        holds: Curvature = curvature if curvature == "all" or self._robust else "none"
         if lazy and self._all_native:
             slope = self._problem.slope(values.state)
-            return Linearised(*slope, curvature, lambda: self.linearise(values, curvature=curvature).hessian)
-        self._set_curvature(curvature if curvature == "all" or self._robust else "none")
+            return Linearised(*slope, holds, lambda: self.linearise(values, curvature=holds).hessian)
+        self._set_curvature(holds)
         blocks = self._numeric_blocks(values)
         cost, gradient, hessian = self._problem.linearise(values.state, blocks)
-        return Linearised(cost, gradient, self._curvature, lambda: Matrix(self.pattern, hessian, self._analysis))
+        return Linearised(cost, gradient, holds, lambda: Matrix(self.pattern, hessian, self._analysis))
 
     def factor(self, values: Values) -> Factor:
         """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
