@@ -1,6 +1,6 @@
 """What exchange costs: simulated teams of 2 to 50 robots, and the landmark map of MRCLAM 6. Writes a page of tables.
 
-    python benchmarks/exchange.py --mrclam ../shared/data/MRCLAM_Dataset6 --out docs/benchmarks/exchange.md
+    python benchmarks/exchange.py --mrclam MRCLAM_Dataset6 --out docs/benchmarks/exchange.md
 
 Bytes are lengths of messages, everything included. The shift is measured: the map joined from what was sent against
 the map joined from the whole submaps, in standard deviations of the latter, the largest over all variables that both
@@ -29,7 +29,7 @@ POSES = 60
 SEED = 1
 
 
-def main(mrclam: Path | None, out: Path) -> None:
+def main(mrclam: Path | None, out: Path | None) -> None:
     page = [HEAD.format(poses=POSES, seed=SEED)]
     for space in SPACES:
         for every in EVERY:
@@ -39,9 +39,11 @@ def main(mrclam: Path | None, out: Path) -> None:
             print(page[-1], flush=True)
     if mrclam is not None:
         log = ts.read(mrclam)
-        page += [*landmark_map(log), *full_exchange(log)]
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text("\n".join(page), encoding="utf-8")
+        for part in (*landmark_map(log), *full_exchange(log)):
+            page.append(part)
+            print(part, flush=True)
+    if out is not None:
+        out.write_text("\n".join(page), encoding="utf-8")
 
 
 # --- simulated teams ----------------------------------------------------------------------------------------------
@@ -170,7 +172,8 @@ TEAM_COLUMNS = (
 
 HEAD = """# What exchange costs
 
-Measured by `python benchmarks/exchange.py`. Bytes for each robot, of all its messages together, sent once.
+Measured by `python benchmarks/exchange.py --mrclam MRCLAM_Dataset6` (the published folder). Bytes for each robot, of
+all its messages together, sent once.
 
 - **raw**: the measurements, noise that they share once. **sparse**: whole submaps, the information as it is.
   **partial**: interiors eliminated while that makes the message smaller. **condensed**: all interiors eliminated.
@@ -212,6 +215,6 @@ sighting brings news: leaving out every other one already moves a landmark by mo
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--mrclam", type=Path, help="the folder MRCLAM_Dataset6; without it that table is left out")
-    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/exchange.md"))
+    parser.add_argument("--out", type=Path, help="a page to write; without it all is printed only")
     arguments = parser.parse_args()
     main(arguments.mrclam, arguments.out)
