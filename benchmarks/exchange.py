@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 
 import teamslam as ts
+from teamslam.frontend.thin import keyframe
 from teamslam.joining import build, join, split
-from teamslam.joining.keyframes import keyframe
 from teamslam.model import Dataset, Submap
-from teamslam.net import COMPACT, EXACT, KINDS, Message, Precision, plan, receive, send, send_raw, shift_bound
 from teamslam.sim import Options, simulate
 from teamslam.solver import Covariances
+from teamslam.team import plan
+from teamslam.wire import COMPACT, EXACT, KINDS, Message, Precision, receive, send, send_raw, shift_bound
 
 TEAMS = (2, 5, 10, 20, 50)
 EVERY = (1, 10)

@@ -13,9 +13,9 @@ import numpy as np
 
 from teamslam.geometry import Pose, concatenate
 from teamslam.model import Dataset, is_landmark
-from teamslam.net.pieces import write_pieces
 from teamslam.sim import Arena, Odometry, Robot, Sensor, World, observe
 from teamslam.sim.motion import lawn_mower
+from teamslam.wire.pieces import write_pieces
 
 STEP_M = 0.8
 SIDE_M = 100.0  # of the cell of a log of 10,000 poses

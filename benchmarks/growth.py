@@ -30,9 +30,9 @@ import numpy as np
 from growing_team import Team, write_log
 from teamslam.geometry import align
 from teamslam.model import pose_key
-from teamslam.net.cluster import Cluster, Processes, Workers, crew
-from teamslam.net.tree import join_in_tree
-from teamslam.net.treemap import TreeMap
+from teamslam.scale.cluster import Cluster, Processes, Workers, crew
+from teamslam.scale.tree import join_in_tree
+from teamslam.scale.treemap import TreeMap
 
 DOCS = Path(__file__).parents[1] / "docs"
 MORE_ROBOTS = [(1, 1_000), (1, 3_000), (1, 10_000), (3, 10_000), (10, 10_000), (32, 10_000), (100, 10_000)]

@@ -11,7 +11,7 @@ SERIES = {"more robots of 10,000 poses": "o-", "100 robots, longer logs": "s--"}
 
 PAGE = """# How joining grows
 
-Joining by a tree (`teamslam.net.join_in_tree`; `--workers`, `--cluster` on the command line), measured from log files
+Joining by a tree (`teamslam.scale.join_in_tree`; `--workers`, `--cluster` on the command line), measured from log files
 on disk to the estimate of every pose and landmark on disk. A made-up team, each robot mowing its own cell of one field
 (`benchmarks/growing_team.py`): odometry with 0.02 m and 0.002 rad a step, about eight landmarks in view of each pose
 with 0.1 m, neighbours share the landmarks along their common edge and see each other where they meet.

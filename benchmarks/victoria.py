@@ -22,7 +22,7 @@ import numpy as np
 import teamslam as ts
 from datasets import VICTORIA_PARK, folder_of
 from run import machine
-from teamslam.joining.start import piece_start
+from teamslam.joining.start.dead_reckoning import piece_start
 from teamslam.model import Dataset, Values
 from teamslam.solver import Options, System, optimise
 

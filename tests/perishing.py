@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from teamslam.model import Dataset
-from teamslam.net import Processes, TreeMap, join_in_tree
+from teamslam.scale import Processes, TreeMap, join_in_tree
 from worlds import team
 
 

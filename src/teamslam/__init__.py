@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from teamslam.errors import TeamslamError
     from teamslam.geometry import Pose
     from teamslam.io import read, read_submaps, write, write_submaps
-    from teamslam.joining.build import build
-    from teamslam.joining.full import full
-    from teamslam.joining.join import Joined, join
-    from teamslam.joining.split import split
+    from teamslam.joining.build.build import build
+    from teamslam.joining.build.split import split
+    from teamslam.joining.exact.full import full
+    from teamslam.joining.join.join import Joined, join
     from teamslam.metrics import score
     from teamslam.model import Dataset, Loss, Submap, Table, Values
     from teamslam.pipeline import run

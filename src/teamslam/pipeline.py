@@ -17,9 +17,9 @@ from teamslam.errors import InputError
 from teamslam.joining import ORDERS, Joined, build, build_choices, exact_join, full, split, with_exactness
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap
-from teamslam.net import Workers, gather, join_in_tree
-from teamslam.net.pieces import write_pieces
+from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options
+from teamslam.wire.pieces import write_pieces
 
 T = TypeVar("T")
 Progress = Callable[[str, int, int], None]

@@ -11,7 +11,7 @@ import pytest
 from teamslam.io import read_submaps, write, write_submaps
 from teamslam.joining import build, split
 from teamslam.model import Dataset
-from teamslam.net.pieces import read_piece
+from teamslam.wire.pieces import read_piece
 from worlds import team
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from teamslam.cli import main
-from teamslam.paper import PRINTED
+from teamslam.paper.reproduction import PRINTED
 
 
 def test_tables_stand_beside_the_papers_figures_and_figures_are_drawn(

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from teamslam.model import Names
-    from teamslam.net import Ledger
+    from teamslam.team import Ledger
 
 
 def exchange(
@@ -72,7 +72,8 @@ def exchange(
     from teamslam.cli.console import progress_bar, say, table
     from teamslam.cli.pieces import pieces_of
     from teamslam.joining import build
-    from teamslam.net import EXACT, KINDS, Precision, plan
+    from teamslam.team import plan
+    from teamslam.wire import EXACT, KINDS, Precision
 
     precision = EXACT if to_the_bit else Precision(shift, information)
     pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)
@@ -106,7 +107,7 @@ def exchange(
 def _write_ledger(sent: "Ledger", names: "Names", path: Path) -> None:
     from io import StringIO
 
-    from teamslam.io.whole import whole_file
+    from teamslam.io.files.whole import whole_file
 
     text = StringIO(newline="")
     out = csv.writer(text)

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
 
     from teamslam.joining import Joined
     from teamslam.model import Submap, Table, Values
-    from teamslam.net import Admission, Workers
     from teamslam.pipeline import Clock, Progress
     from teamslam.results.record import Record
+    from teamslam.scale import Workers
+    from teamslam.team import Admission
 
 
 def join(
@@ -78,9 +79,9 @@ def join(
     from teamslam.cli.words import outcome
     from teamslam.config import Config
     from teamslam.errors import InputError
-    from teamslam.net import admit
-    from teamslam.net.pieces import piece_files
     from teamslam.results.folder import refuse_to_overwrite, whole_folder, write_record
+    from teamslam.team import admit
+    from teamslam.wire.pieces import piece_files
 
     refuse_to_overwrite(out, replace=force)
     if not maps:
@@ -178,8 +179,8 @@ def _of_robots(table: "Table", robots: "Mapping[int, int]") -> "Table":
 
 def _on_workers(submaps: "Sequence[Submap]", workers: "Workers", parts: Path, clock: "Clock") -> "Joined":
     """The submaps joined by a tree whose files lie in `parts`, and from its estimate on at once."""
-    from teamslam.io.arrays import write_submap
-    from teamslam.net import gather, join_in_tree
+    from teamslam.io.submaps.arrays import write_submap
+    from teamslam.scale import gather, join_in_tree
 
     files = [parts / "maps" / f"{number}.submap" for number in range(len(submaps))]
     for submap, file in zip(submaps, files, strict=True):

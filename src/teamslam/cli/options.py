@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from teamslam.config import Config
-    from teamslam.net import Workers
+    from teamslam.scale import Workers
 
 
 def config_for(
@@ -45,7 +45,7 @@ def workers_for(count: int | None, cluster: str | None) -> "Workers | None":
     """The workers that were asked for, None where none were. InputError where both kinds were, and, before any work is
     done or written, where no scheduler answers."""
     from teamslam.errors import InputError
-    from teamslam.net import Cluster, Processes
+    from teamslam.scale import Cluster, Processes
 
     if count is not None and cluster is not None:
         raise InputError("give --workers for processes of this machine, or --cluster for those of a cluster, not both")

@@ -39,8 +39,8 @@ def paper(
     import json
 
     from teamslam.cli.console import progress_bar, say
-    from teamslam.paper import reproduce
-    from teamslam.results.paper import figures_of_paper
+    from teamslam.paper.figures import figures_of_paper
+    from teamslam.paper.reproduction import reproduce
 
     with progress_bar() as progress:
         found = reproduce(runs, poses, seed, progress)

@@ -13,9 +13,9 @@ def pieces_of(
 ) -> "list[Dataset]":
     """The pieces of a log. InputError where it cannot be read."""
     from teamslam.config import SplitOptions
+    from teamslam.frontend.thin import keyframe as thin
     from teamslam.io import read
     from teamslam.joining import split
-    from teamslam.joining.keyframes import keyframe as thin
 
     options = SplitOptions(poses_per_piece)
     dataset = read(log, format=format)
@@ -30,9 +30,9 @@ def pieces_in(
     """The pieces in files and folders of pieces, with what is wrong with those that are damaged; else of the one log
     that is named. InputError where there is nothing to build."""
     from teamslam.errors import InputError
-    from teamslam.io.arrays import sniff
+    from teamslam.io.submaps.arrays import sniff
     from teamslam.model import Dataset
-    from teamslam.net.pieces import piece_files, read_piece
+    from teamslam.wire.pieces import piece_files, read_piece
 
     if files := piece_files(paths):
         contents, damaged = [], []

@@ -40,8 +40,8 @@ def split(
     """
     from teamslam.cli.console import say
     from teamslam.cli.pieces import pieces_of
-    from teamslam.net.pieces import write_pieces
     from teamslam.results.folder import refuse_to_overwrite, whole_folder
+    from teamslam.wire.pieces import write_pieces
 
     refuse_to_overwrite(out, replace=None)
     pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)

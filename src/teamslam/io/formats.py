@@ -31,17 +31,19 @@ class Format:
 
 FORMATS: dict[str, Format] = {
     "plain": Format("teamslam.io.plain", "teamslam's own: a folder with team.toml and CSV files"),
-    "mrclam": Format("teamslam.io.mrclam", "UTIAS MRCLAM: a folder with Barcodes.dat, RobotN_*.dat", writes=False),
-    "islsjf": Format("teamslam.io.islsjf", "Victoria Park's clean log and simulated runs of I-SLSJF", writes=False),
-    "pyfg": Format("teamslam.io.pyfg", "PyFG factor graph (.pyfg)", (".pyfg",)),
-    "g2o": Format("teamslam.io.g2o", "g2o graph (.g2o), or a folder with one for each robot", (".g2o",)),
-    "jrl": Format("teamslam.io.jrl", "JSON robot log (.jrl)", (".jrl",)),
+    "mrclam": Format("teamslam.io.logs.mrclam", "UTIAS MRCLAM: a folder with Barcodes.dat, RobotN_*.dat", writes=False),
+    "islsjf": Format(
+        "teamslam.io.logs.islsjf", "Victoria Park's clean log and simulated runs of I-SLSJF", writes=False
+    ),
+    "pyfg": Format("teamslam.io.graphs.pyfg", "PyFG factor graph (.pyfg)", (".pyfg",)),
+    "g2o": Format("teamslam.io.graphs.g2o", "g2o graph (.g2o), or a folder with one for each robot", (".g2o",)),
+    "jrl": Format("teamslam.io.graphs.jrl", "JSON robot log (.jrl)", (".jrl",)),
 }
 
 SUBMAP_FORMATS: dict[str, Format] = {
-    "teamslam": Format("teamslam.io.arrays", "teamslam's submap file, or a folder of them", (".submap",)),
-    "islsjf": Format("teamslam.io.localmaps_mat", "I-SLSJF: a folder with localmap_1.mat, ...", writes=False),
-    "linear": Format("teamslam.io.localmaps_text", "Linear SLAM: a folder with localmap_1.txt, ..."),
+    "teamslam": Format("teamslam.io.submaps.arrays", "teamslam's submap file, or a folder of them", (".submap",)),
+    "islsjf": Format("teamslam.io.submaps.localmaps_mat", "I-SLSJF: a folder with localmap_1.mat, ...", writes=False),
+    "linear": Format("teamslam.io.submaps.localmaps_text", "Linear SLAM: a folder with localmap_1.txt, ..."),
 }
 
 

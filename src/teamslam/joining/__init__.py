@@ -1,13 +1,9 @@
 """Submaps made from logs, and joined into one map."""
 
-from teamslam.joining.build import build, build_alternatives, build_choices, build_with_solution
+from teamslam.joining.build import build, build_alternatives, build_choices, build_with_solution, split
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
-from teamslam.joining.exact import exact_join
-from teamslam.joining.exactness import with_exactness
-from teamslam.joining.full import full
-from teamslam.joining.join import Component, Exactness, Joined, join
-from teamslam.joining.orders import ORDERS, join_by_tree, join_sequentially
-from teamslam.joining.split import split
+from teamslam.joining.exact import exact_join, full, with_exactness
+from teamslam.joining.join import ORDERS, Component, Exactness, Joined, join, join_by_tree, join_sequentially
 
 __all__ = [
     "ORDERS",

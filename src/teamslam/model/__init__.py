@@ -12,11 +12,12 @@ from teamslam.model.keys import (
     pose_key,
     robot_of,
 )
+from teamslam.model.layout import Kind, Layout, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.sensors import MODELS, Model, direction_basis
 from teamslam.model.submap import Sources, Stretch, Submap
 from teamslam.model.tables import Table, whitening
-from teamslam.model.values import Kind, Layout, Values, pack, point_kind, pose_kind, rows_of, unpack
+from teamslam.model.values import Values, pack, unpack
 
 __all__ = [
     "LOSSES",

@@ -14,9 +14,10 @@ import numpy as np
 from teamslam.errors import ModelError
 from teamslam.geometry import IntArray
 from teamslam.model.keys import Names, is_landmark, is_pose, robot_of
+from teamslam.model.layout import Kind, Layout, point_kind, pose_kind
 from teamslam.model.losses import Loss
 from teamslam.model.tables import Table
-from teamslam.model.values import Kind, Layout, Values, point_kind, pose_kind
+from teamslam.model.values import Values
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ import scipy.sparse as sp
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, IntArray, Pose
 from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
+from teamslam.model.layout import pose_kind
 from teamslam.model.tables import Table
-from teamslam.model.values import Values, pose_kind
+from teamslam.model.values import Values
 
 
 @dataclass(frozen=True, order=True)

@@ -25,8 +25,8 @@ import numpy as np
 from teamslam.config import Config, write_config
 from teamslam.errors import InputError
 from teamslam.io import read_submaps, write_submaps
-from teamslam.io.tum import write_trajectories
-from teamslam.io.whole import beside
+from teamslam.io.files.whole import beside
+from teamslam.io.maps.tum import write_trajectories
 from teamslam.model import Layout, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive

@@ -16,7 +16,7 @@ import numpy as np
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Array, IntArray, Pose
-from teamslam.io.delimited import Csv
+from teamslam.io.files.delimited import Csv
 from teamslam.model import MODELS, Kind, Table, pack, whitening
 from teamslam.model.sensors import pose_of
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.interpolate import interpolate
 from teamslam.geometry import Array, IntArray, Pose, concatenate
-from teamslam.io.delimited import Csv, read_csv
-from teamslam.io.interpolate import interpolate
+from teamslam.io.files.delimited import Csv, read_csv
 from teamslam.io.plain.columns import POINT, POSE, kind_of, read_poses, ticks_of
 from teamslam.io.plain.roster import Roster
 from teamslam.io.plain.schema import Known, Team

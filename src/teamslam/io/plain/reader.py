@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.keyframes import Stream, place_keyframes, without_repeats
+from teamslam.frontend.velocity import VelocityNoise
 from teamslam.geometry import Array, IntArray, Pose
-from teamslam.io.delimited import Csv, read_csv
-from teamslam.io.options import options_of
+from teamslam.io.files.delimited import Csv, read_csv
+from teamslam.io.files.options import options_of
 from teamslam.io.plain.columns import (
     components,
     covariance_columns,
@@ -21,11 +23,9 @@ from teamslam.io.plain.columns import (
     ticks_of,
     value_columns,
 )
-from teamslam.io.plain.keyframes import Stream, place_keyframes, without_repeats
 from teamslam.io.plain.known import read_known
 from teamslam.io.plain.roster import Roster
 from teamslam.io.plain.schema import FILE, STREAMS, Log, Team, read_team
-from teamslam.io.velocity import VelocityNoise
 from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, pose_key, robot_of
 
 SENSOR_KEYS = ("x", "y", "z", "theta", "qw", "qx", "qy", "qz")

@@ -7,7 +7,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray
-from teamslam.io.delimited import Csv
+from teamslam.io.files.delimited import Csv
 from teamslam.io.plain.schema import FILE, Robot, Team, numbers_of
 from teamslam.model import Names, landmark_key, landmark_number
 

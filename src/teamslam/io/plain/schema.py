@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.io.delimited import read_text
+from teamslam.io.files.delimited import read_text
 from teamslam.model import LOSSES, MODELS
 from teamslam.model.keys import MAX_ROBOT
 

@@ -1,0 +1,1 @@
+"""From streams and stamps to poses and rows, wherever they come from."""

@@ -1,0 +1,1 @@
+"""Factor graphs of other programs: g2o, JRL, PyFG."""

@@ -1,0 +1,211 @@
+"""JSON robot logs (.jrl): a team's factors robot by robot, with true values, initial values and labels of outliers.
+
+    {"name", "robots": ["a", ...], "measurements": {"a": [{"stamp", "measurements": [factor, ...]}, ...]},
+     "groundtruth", "initialization": {"a": [{"key", "type", ...}, ...]},
+     "potential_outlier_factors", "outlier_factors": {"a": [[entry, measurement], ...]}}
+
+Factors read: those of `FACTORS`; others are left out and counted by their name. A factor belongs to the robot whose
+pose it starts from. Keys are GTSAM's symbols: the top byte is the robot's letter (a, b, c are robots 1, 2, 3), the rest
+counts poses; stamps of entries have no unit and are not used. Keys that a factor uses as points are landmarks.
+
+Noise: covariances are row-major in GTSAM's charts, the right tangent of SE(2) and SE(3), the latter with its rotation
+first; they are converted to the mixed chart to first order at the measurement (`charts`), and back on writing. Bearings
+come before ranges; those in space have a covariance in GTSAM's basis of the sphere's tangents, which is turned into
+teamslam's. Source: the public format documents of JRL (Daniel McGann).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.io.files.delimited import read_text
+from teamslam.io.files.json_place import Json
+from teamslam.io.files.options import options_of
+from teamslam.io.graphs.graph import Edge, matching, robots_of, tables_of, values_of
+from teamslam.io.graphs.jrl_factors import FACTORS, KINDS, Factor
+from teamslam.io.graphs.jrl_noise import covariance_here
+from teamslam.io.graphs.jrl_values import bearing_range, pose_or_point, scalar
+from teamslam.io.graphs.jrl_writer import NOTE, write
+from teamslam.io.graphs.naming import names_in
+from teamslam.io.graphs.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
+from teamslam.model import Dataset, Dropped, Kind, Names, Values, landmark_key, pose_key, robot_of, whitening
+
+__all__ = ["Options", "read", "sniff", "write"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the reader may be told: whether measurements labelled as outliers are left out (and counted)."""
+
+    drop_outliers: bool = False
+
+
+def sniff(path: Path) -> bool:
+    """A file *.jrl."""
+    return path.is_file() and path.suffix == ".jrl"
+
+
+def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
+    """The measurements of a JRL file; `options` as in `Options`.
+
+    InputError names the file and the place in it (as `measurements.a[3].measurements[0].covariance`) of what cannot be
+    read: damaged JSON, missing or strange entries, covariances of the wrong size or not positive definite.
+    """
+    chosen = options_of(Options, options, reader="jrl")
+    content = _Content(Json(path, "", _parsed(path)))
+    return content.dataset(str(path), chosen.drop_outliers)
+
+
+def _parsed(path: Path) -> Any:
+    text = read_text(path)
+    try:
+        return json.loads(text, parse_constant=_no_constant)
+    except json.JSONDecodeError as error:
+        raise InputError(f"this is no JSON: {error.msg}", path=path, line=error.lineno) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"this JSON cannot be read: {error}", path=path) from None
+
+
+def _no_constant(word: str) -> float:
+    raise ValueError(f"'{word}' stands where a finite number is needed")
+
+
+@dataclass
+class _Content:
+    """A file's content on its way to a Dataset."""
+
+    root: Json
+    unknown: dict[str, int] = field(default_factory=dict)
+    marks: dict[int, int] = field(default_factory=dict)  # the number of each landmark's symbol
+    labelled: int = 0
+
+    def dataset(self, origin: str, drop_outliers: bool) -> Dataset:
+        """Everything as one Dataset."""
+        factors = self._factors(drop_outliers)
+        if not factors:
+            raise InputError(f"no factor that teamslam knows ({', '.join(FACTORS)})", path=origin)
+        self.marks = landmark_numbers(
+            symbol
+            for factor, place in factors
+            for symbol, kind in zip(_symbols(factor, place), factor.ends, strict=True)
+            if not kind.is_pose
+        )
+        edges = [self._edge(factor, place) for factor, place in factors]
+        letters = {k: str(LOWER_FIRST.letter(k)) for edge in edges for k in robot_of(np.array(edge.keys)).tolist() if k}
+        robots = robots_of(edges, letters)
+        tables = tables_of(edges, lambda model, dim, values, covariance: whitening(covariance))
+        dataset = Dataset(robots, tables, self._names(letters), origin=origin)
+        truth, no_truth = matching(self._values("groundtruth"), dataset)
+        initial, no_initial = matching(self._values("initialization"), dataset)
+        counts = [
+            (no_truth + no_initial, "values of variables that no measurement names"),
+            (self.labelled if drop_outliers else 0, "measurements labelled as outliers"),
+            *((n, f"factors of the unknown type {name[:60]}") for name, n in self.unknown.items()),
+        ]
+        dropped = tuple(Dropped(n, reason) for n, reason in counts if n)
+        return replace(dataset, truth=truth, initial=initial, dropped=dropped)
+
+    def _names(self, letters: Mapping[int, str]) -> Names:
+        """The names in teamslam's note, or the robots' letters."""
+        if not self.root.has(NOTE):
+            return Names(dict(sorted(letters.items())), {}, 1.0)
+        try:
+            return names_in(self.root.get(NOTE).value)
+        except ValueError as error:
+            raise self.root.get(NOTE).error(f"{error}; remove it") from None
+
+    def _factors(self, drop_outliers: bool) -> list[tuple[Factor, Json]]:
+        """All known factors in the order of the file, labelled outliers left out where asked."""
+        found = []
+        for letter, robot in self.root.get("measurements").items():
+            outliers = self._outliers(letter)
+            for e, entry in enumerate(robot.elements()):
+                for m, place in enumerate(entry.get("measurements").elements() if entry.has("measurements") else ()):
+                    name = place.get("type").text()
+                    self.labelled += (e, m) in outliers
+                    if name not in FACTORS:
+                        self.unknown[name] = self.unknown.get(name, 0) + 1
+                    elif not (drop_outliers and (e, m) in outliers):
+                        found.append((FACTORS[name], place))
+        return found
+
+    def _outliers(self, letter: str) -> set[tuple[int, int]]:
+        if not self.root.has("outlier_factors"):
+            return set()
+        labels = self.root.get("outlier_factors")
+        if isinstance(labels.value, dict):
+            if not labels.has(letter):
+                return set()
+            labels = labels.get(letter)
+        pairs = [[number.whole() for number in pair.elements()] for pair in labels.elements()]
+        if any(len(pair) != 2 for pair in pairs):
+            raise labels.error("a label is a pair: the entry's number, the measurement's number")
+        return {(pair[0], pair[1]) for pair in pairs}
+
+    def _edge(self, factor: Factor, place: Json) -> Edge:
+        """One factor as an edge."""
+        keys = tuple(self._key(*end, place) for end in zip(_symbols(factor, place), factor.ends, strict=True))
+        if len(set(keys)) != len(keys):
+            raise place.error("the factor goes from a variable to itself")
+        measured = place.get("prior" if len(keys) == 1 else "measurement")
+        value: tuple[float, ...]
+        if factor.model == "range":
+            value = (scalar(measured),)
+            if value[0] < 0.0:
+                raise measured.error(f"a range is not negative, found {value[0]}")
+        elif factor.model == "range_bearing":
+            value = bearing_range(measured, factor.dim)
+        else:
+            value = pose_or_point(measured, factor.value_kind)
+        rows = factor.rows
+        numbers = [number.number() for number in place.get("covariance").elements()]
+        if len(numbers) != rows * rows:
+            raise place.get("covariance").error(
+                f"expected {rows * rows} numbers (a matrix {rows} x {rows}, row by row), found {len(numbers)}"
+            )
+        covariance = covariance_here(np.array(numbers).reshape(rows, rows), np.array(value), factor.model, factor.dim)
+        return Edge(factor.model, factor.dim, keys, value, covariance, place)
+
+    def _key(self, symbol: int, kind: Kind, place: Json) -> int:
+        if not kind.is_pose:
+            return int(landmark_key(self.marks[symbol]))
+        letter, count = split_symbol(symbol)
+        robot = LOWER_FIRST.robot(letter)
+        if robot is None or not fits(count):
+            raise place.error(f"the key {symbol} is no robot's pose: its top byte should be a letter (but L)")
+        return int(pose_key(robot, count))
+
+    def _values(self, name: str) -> Values | None:
+        """Poses and landmarks of all robots; other types of values are of no use here."""
+        if not self.root.has(name):
+            return None
+        rows: dict[int, tuple[Kind, Sequence[float]]] = {}
+        for _, robot in self.root.get(name).items():
+            for symbol, place in _keyed(robot):
+                kind = KINDS.get(place.get("type").text())
+                if kind is None or (not kind.is_pose and symbol not in self.marks):
+                    continue
+                rows[self._key(symbol, kind, place)] = (kind, pose_or_point(place, kind))
+        return values_of(rows)
+
+
+def _symbols(factor: Factor, place: Json) -> list[int]:
+    """The keys of a factor as the file has them."""
+    names = ["key"] if len(factor.ends) == 1 else ["key1", "key2"]
+    symbols = [place.get(name).whole() for name in names]
+    for symbol in symbols:
+        if not 0 <= symbol < 1 << 63:
+            raise place.error(f"keys run from 0 to 2^63 - 1, found {symbol}")
+    return symbols
+
+
+def _keyed(values: Json) -> list[tuple[int, Json]]:
+    """Values as a list of objects with a key, or as a map from keys."""
+    if isinstance(values.value, dict):
+        return [(place.integer_of(name), place) for name, place in values.items()]
+    return [(place.get("key").whole(), place) for place in values.elements()]

@@ -1,0 +1,48 @@
+"""Covariances between GTSAM's order and charts, as JRL files have them, and teamslam's.
+
+e = M e' to first order for teamslam's error e and GTSAM's e' (up to one common sign), so covariance = M covariance' M':
+
+- poses: the rotation first in space, and the right tangent: M = A P (`charts`), P the change of order;
+- bearing and range: the bearing first, in space in GTSAM's tangent basis B' at the measured direction: its first vector
+  is b x a, a the axis along which b has its smallest part; M = diag(1, B' B'') P.
+"""
+
+import numpy as np
+
+from teamslam.geometry import Array
+from teamslam.io.graphs.charts import chart
+from teamslam.model import MODELS, direction_basis
+
+
+def covariance_here(covariance: Array, value: Array, model: str, dim: int) -> Array:
+    """A covariance (r, r) of JRL in teamslam's chart; value (size,) as in MODELS."""
+    m = _change(value, model, dim)
+    return np.asarray(m @ covariance @ m.T)
+
+
+def covariance_there(covariance: Array, value: Array, model: str, dim: int) -> Array:
+    """A covariance (r, r) of teamslam's in JRL's chart. Law: covariance_here(covariance_there(c)) = c."""
+    m = np.linalg.inv(_change(value, model, dim))
+    return np.asarray(m @ covariance @ m.T)
+
+
+def gtsam_basis(direction: Array) -> Array:
+    """GTSAM's two tangents (3, 2) at a unit vector (3,)."""
+    x, y, z = np.abs(direction)
+    axis = np.eye(3)[0 if x <= y and x <= z else 1 if y <= x and y <= z else 2]
+    first = np.cross(direction, axis)
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)], -1)
+
+
+def _change(value: Array, model: str, dim: int) -> Array:
+    rows = MODELS[model].residual_rows(dim)
+    if model in ("relative_pose", "pose"):
+        order = np.eye(rows) if dim == 2 else np.roll(np.eye(6), 3, 1)
+        return np.asarray(chart(value[None], dim)[0] @ order)
+    if model == "range_bearing":
+        out = np.zeros((rows, rows))
+        out[0, -1] = 1.0
+        out[1:, :-1] = 1.0 if dim == 2 else direction_basis(value[1:]).T @ gtsam_basis(value[1:])
+        return out
+    return np.eye(rows)

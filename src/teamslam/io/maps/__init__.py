@@ -1,0 +1,1 @@
+"""Finished maps for other programs."""

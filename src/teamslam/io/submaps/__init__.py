@@ -1,0 +1,1 @@
+"""Finished submaps: teamslam's own file, and the local maps of I-SLSJF and Linear SLAM."""

@@ -1,0 +1,46 @@
+"""How far a join is from the full least squares: a round in which nobody moves.
+
+The paper's join replaces each submap's cost f_i by its quadratic at the submap's own optimum. What that costs is seen
+where the join ended (see `gap`). A join that is exact promises no decrease. `exact_join` goes on from here, round by
+round, until nothing is promised.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from teamslam.errors import SolveError
+from teamslam.joining.exact.gap import gap_at, point_of
+from teamslam.joining.exact.robot import parts_of
+from teamslam.joining.join.join import Component, Exactness, Joined
+from teamslam.model import Dataset, Sources, Submap
+
+
+def with_exactness(joined: Joined, members: Sequence[tuple[Dataset, Submap]]) -> Joined:
+    """A join that knows how exact it is: pairs of a piece of log and the submap that was built of it, in any order.
+
+    A component of which some piece is missing stays without, and so does one whose problem is not determined where it
+    ended. Law: the gap is that to `full` on the same data, to first order in it and, under robust losses, of its size;
+    `rounds` is 1, `bytes` what that round takes, and `join_shift_sigma` 0: a join did not move from itself.
+    """
+    return replace(joined, components=tuple(_with_exactness(component, members) for component in joined.components))
+
+
+def _with_exactness(component: Component, members: Sequence[tuple[Dataset, Submap]]) -> Component:
+    if component.exactness is not None:
+        return component
+    here = [(piece, submap) for piece, submap in members if component.map.sources.overlap(submap.sources)]
+    if Sources().merge(*(submap.sources for _, submap in here)) != component.map.sources:
+        return component
+    try:
+        return replace(component, exactness=_exactness(component.map, here))
+    except SolveError:
+        return component
+
+
+def _exactness(joined: Submap, members: Sequence[tuple[Dataset, Submap]]) -> Exactness:
+    values = point_of(joined)
+    parts, raw = parts_of(members, values.layout)
+    for part in parts:
+        part.values = values.seen_from(values.pose(part.submap.base), part.values.layout)
+    numbers = sum(part.placing + part.reduce().numbers for part in parts)
+    return gap_at(values, parts, raw, joined).exactness(rounds=1, bytes=8 * numbers if len(parts) > 1 else 0)

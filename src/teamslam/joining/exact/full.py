@@ -1,0 +1,86 @@
+"""The full nonlinear least squares over all raw measurements: the baseline that joining must equal.
+
+It minimises F(G) = sum_i f_i over every measurement of every robot at once, starting from the joined submaps. Where a
+submap has several local optima, the one that the team's cost is lowest with is taken (see `choose`).
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.joining.build.build import ROUGH, build_choices
+from teamslam.joining.build.split import split
+from teamslam.joining.exact.basins import lowest
+from teamslam.joining.join.gauge import anchor
+from teamslam.joining.join.join import Component, Joined, join
+from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values
+from teamslam.solver import Options, Step, System, optimise
+from teamslam.solver.optimise import DEFAULTS
+
+
+def full(
+    dataset: Dataset,
+    *,
+    initial: Joined | None = None,
+    options: Options = DEFAULTS,
+    progress: Callable[[Step], None] | None = None,
+) -> Joined:
+    """The optimum over all of a team's measurements, by components as `join` finds them.
+
+    `initial`: a join to start from, and from nowhere else; by default the log is split, built and joined here. Each
+    component's map is in the same frame as that of the join. Raises as `build` and `join` do.
+    """
+    if initial is not None:
+        return _from(dataset, initial, options, progress)
+    rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
+    alternatives = [build_choices(piece, options=options) for piece in split(dataset)]
+    return lowest(alternatives, lambda submaps: _from(dataset, join(submaps, options=rough), options, progress))
+
+
+def _from(dataset: Dataset, initial: Joined, options: Options, progress: Callable[[Step], None] | None) -> Joined:
+    components = tuple(_full(dataset, c, options, progress) for c in initial.components)
+    return Joined(components, initial.reasons)
+
+
+def _full(
+    dataset: Dataset, component: Component, options: Options, progress: Callable[[Step], None] | None
+) -> Component:
+    joined = component.map
+    start = joined.values if joined.base == WORLD else joined.all_values
+    tables = list(_within(dataset.tables, start))
+    if not tables:
+        raise ModelError("none of the dataset's measurements speak of the map to start from")
+    start, fixed = _gauge(start, joined, tables)
+    system = System(start.layout, tables=tables, fixed=fixed, names=dataset.names)
+    solution = optimise(system, start, options, progress)
+    keep = ~np.isin(solution.values.layout.keys, fixed)
+    full_map = Submap(
+        id="full:" + joined.id,
+        version=joined.version,
+        base=joined.base,
+        base_dim=joined.base_dim,
+        values=solution.values.select(keep),
+        information=solution.information,
+        sources=Sources.of(tables),
+        names=dataset.names,
+        cost=solution.cost,
+        chi2=solution.chi2,
+        rows=solution.rows,
+    )
+    return Component(full_map, solution, component.members, ambiguities=component.ambiguities)
+
+
+def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:
+    """The rows whose variables are all among the values."""
+    for table in tables:
+        there = np.asarray(values.layout.contains(table.keys).all(1))
+        if there.any():
+            yield table.select(there)
+
+
+def _gauge(start: Values, joined: Submap, tables: list[Table]) -> tuple[Values, np.ndarray]:
+    if joined.base == WORLD:
+        return start, np.zeros(0, np.int64)
+    return anchor(start, joined, tables)

@@ -1,0 +1,82 @@
+"""What is still to be gained at a point of the team's problem, though nobody holds all raw data.
+
+    robot:        f_i, g_i = grad f_i, H_i = J'WJ of its raw measurements where it is
+    coordinator:  F = sum f_i,   the Gauss-Newton step d of the whole F there,   g'd = |grad F|^2 in H^-1
+
+g'd is the decrease of F that the step promises; against F it is the relative cost gap. At the full least squares it is
+zero.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.geometry import Array, IntArray
+from teamslam.joining.exact.robot import Part
+from teamslam.joining.join.join import Exactness
+from teamslam.model import Layout, Submap, Table, Values
+from teamslam.solver import System
+from teamslam.solver.linear import Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """The team's problem at one point: `cost` F, `hessian` H and `step` d over the variables `free`, the `decrease` g'd
+    of F that d promises, and the marginal covariance of each variable."""
+
+    free: Layout
+    cost: float
+    hessian: Matrix
+    step: Array
+    decrease: float
+    marginals: Sequence[Array]
+
+    def farthest(self, shift: Array, layout: Layout) -> float:
+        """The longest of some variables' shifts (dof,), each in its own standard deviations."""
+        parts = np.split(shift, layout.dof_start[1:-1])
+        places = self.free.index(layout.keys).tolist()
+        squares = [float(d @ np.linalg.solve(self.marginals[n], d)) for n, d in zip(places, parts, strict=True)]
+        return float(np.sqrt(max(squares, default=0.0)))
+
+    def exactness(self, *, join_shift_sigma: float = 0.0, rounds: int, bytes: int) -> Exactness:
+        """The account of a map that ends here, after so many rounds and bytes."""
+        return Exactness(
+            relative_cost_gap=self.decrease / self.cost if self.cost > 0.0 else 0.0,
+            gradient_norm=float(np.sqrt(self.decrease)),
+            max_shift_sigma=self.farthest(self.step, self.free),
+            join_shift_sigma=join_shift_sigma,
+            rounds=rounds,
+            bytes=bytes,
+        )
+
+
+def gap_at(values: Values, parts: Sequence[Part], raw: Sequence[Table], joined: Submap) -> Gap:
+    """The gap at `values`, in the frame of `joined`, where the parts already are.
+
+    Raises SolveError where the problem is not determined there.
+    """
+    terms, costs = zip(*(part.term() for part in parts), strict=True)
+    system = System(values.layout, tables=raw, submaps=terms, fixed=frame_of(joined), names=joined.names)
+    at = system.linearise(values)
+    factor = system.factor(values)
+    factor.factorise(at.hessian.numbers)
+    step = factor.solve(at.gradient)
+    decrease = max(float(at.gradient @ step), 0.0)
+    cost = sum(costs) + raw_cost(raw, values)
+    return Gap(system.free, cost, at.hessian, step, decrease, factor.marginals())
+
+
+def frame_of(joined: Submap) -> IntArray:
+    """The variables that do not move: the base of a map, none where that is the world."""
+    return np.array([b for b in (joined.base,) if b >= 0], np.int64)
+
+
+def point_of(joined: Submap) -> Values:
+    """Where a map is: the estimate of all its variables, its base among them unless that is the world."""
+    return joined.all_values if joined.base >= 0 else joined.values
+
+
+def raw_cost(raw: Sequence[Table], values: Values) -> float:
+    """What the raw measurements between robots cost."""
+    return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in raw)

@@ -1,0 +1,121 @@
+"""A robot's side of a join that is exact: its raw measurements and its interiors it keeps to itself.
+
+At its point S_i it linearises, H = J'WJ, g = J'We, f, and eliminates its interiors b. What it sends speaks of its
+separators s alone, the variables that somebody else knows too:
+
+    Lambda = H_ss - H_sb H_bb^-1 H_bs,    eta = g_s - H_sb H_bb^-1 g_b,    f,    |g_b|^2 in H_bb^-1
+
+When the separators have moved by d_s, the interiors follow: d_b = H_bb^-1 (g_b - H_bs d_s). A robot whose separators
+are so many that Lambda, which is dense, is larger than its own sparse H sends that instead.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.joining.build.build import gaussian_part
+from teamslam.joining.join.join import usable_rows
+from teamslam.model import Dataset, Layout, Submap, Table, Values
+from teamslam.solver import Factor, SubmapTerm, System
+from teamslam.solver.newton import Curvature
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What a robot sends: information and slope over its separators, its cost, its interiors' decrement^2.
+
+    `numbers`: how many that are. The places of the separators are not among them; the coordinator put them there.
+    """
+
+    information: sp.csr_array
+    slope: Array
+    cost: float
+    interior: float
+    numbers: int
+
+
+class Part:
+    """One submap with the piece of log it was built of, at a point `values` in its own frame."""
+
+    def __init__(self, piece: Dataset, submap: Submap, separators: IntArray) -> None:
+        self.submap = submap
+        robot = piece.tables[0].robot
+        own = submap.trajectory_keys(robot)
+        self.values = submap.all_values
+        inside, _ = gaussian_part(piece.tables, robot, own, self.values.layout)
+        self.system = System(self.values.layout, tables=inside, fixed=np.array([submap.base]), names=piece.names)
+        free = self.system.free
+        keep = np.isin(free.keys, separators)
+        dense = int(free.dofs[keep].sum())
+        whole = submap.information.nnz
+        self.sends_whole = dense == 0 or dense * dense >= whole
+        self.keep: BoolArray = np.ones(len(free), bool) if self.sends_whole else keep
+        self.kept = free.select(self.keep)
+        self._columns = free.unknowns(self.kept.keys)
+        last = None if self.sends_whole else np.flatnonzero(self.keep)
+        self._factor = Factor(free, self.system.pattern, last=last, names=piece.names)
+        self._gradient = np.zeros(free.dof)
+
+    @property
+    def separators(self) -> Values:
+        """The estimate of what is sent, in the submap's frame."""
+        return self.values.only(self.kept.keys)
+
+    @property
+    def placing(self) -> int:
+        """How many numbers say where its separators are."""
+        return len(self.separators.state)
+
+    def reduce(self, curvature: Curvature = "none") -> Reduced:
+        """Linearise at the present point and eliminate the interiors; `curvature` as in System.linearise."""
+        at = self.system.linearise(self.values, curvature=curvature)
+        self._gradient = at.gradient
+        n = self.kept.dof
+        if self.sends_whole:
+            whole = at.hessian.to_csr()
+            return Reduced(whole, at.gradient, at.cost, 0.0, sp.triu(whole).nnz + n + 1)
+        complement, slope = self._factor.eliminate(at.hessian.numbers, at.gradient)
+        at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
+        interior = float(at.gradient @ at_rest)
+        return Reduced(_dense(complement), slope, at.cost, interior, n * (n + 1) // 2 + n + 2)
+
+    def follow(self, separators: Values) -> Values:
+        """The robot's estimate after its separators moved there; interiors go where the quadratic has its least."""
+        shift = separators.minus(self.separators)
+        if self.sends_whole:
+            delta = np.zeros(self.system.free.dof)
+            delta[self._columns] = shift
+        else:
+            delta = self._factor.back_substitute(shift, self._gradient)
+        return self.system.retract(self.values, delta)
+
+    def term(self) -> tuple[SubmapTerm, float]:
+        """All that it measured, interiors too, linearised at the present point; and its cost there."""
+        at = self.system.linearise(self.values)
+        own = self.values.only(self.system.free.keys)
+        return SubmapTerm(self.submap.base, own, at.hessian.to_csr(), at.gradient), at.cost
+
+
+def parts_of(members: Sequence[tuple[Dataset, Submap]], layout: Layout) -> tuple[list[Part], list[Table]]:
+    """The parts of pieces and the submaps built of them, and what of their raw measurements speaks of the layout."""
+    submaps = [submap for _, submap in members]
+    raw, _ = usable_rows([t for s in submaps for t in s.raw], layout)
+    separators = separators_of(submaps, raw)
+    return [Part(piece, submap, separators) for piece, submap in members], raw
+
+
+def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
+    """The keys that more than one submap knows (bases among them), or that raw measurements name."""
+    everywhere = np.concatenate([np.unique(s.keys) for s in submaps])
+    keys, times = np.unique(everywhere, return_counts=True)
+    return np.union1d(keys[times > 1], np.concatenate([t.keys.ravel() for t in raw] or [np.zeros(0, np.int64)]))
+
+
+def _dense(complement: Array) -> sp.csr_array:
+    """A dense block as a sparse matrix that keeps its zeros: its structure must not change between rounds."""
+    n = len(complement)
+    symmetric = 0.5 * (complement + complement.T)
+    return sp.csr_array((symmetric.ravel(), np.tile(np.arange(n), n), np.arange(0, n * n + 1, n)), shape=(n, n))

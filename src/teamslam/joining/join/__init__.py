@@ -1,0 +1,14 @@
+"""Algorithm 2: submaps joined into one map, at once or in another order."""
+
+from teamslam.joining.join.join import Component, Exactness, Joined, join
+from teamslam.joining.join.orders import ORDERS, join_by_tree, join_sequentially
+
+__all__ = [
+    "ORDERS",
+    "Component",
+    "Exactness",
+    "Joined",
+    "join",
+    "join_by_tree",
+    "join_sequentially",
+]

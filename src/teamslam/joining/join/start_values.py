@@ -1,0 +1,59 @@
+"""The start of a join: the variables of all submaps in the common frame, once the submaps are placed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import Array, IntArray, Pose
+from teamslam.joining.place.stack import Stack
+from teamslam.model import Kind, Values, pack, pose_kind, unpack
+
+
+def start_values(stack: Stack, frames: Sequence[Pose]) -> Values:
+    """Every variable where the first submap that knows it puts it; a base counts before what others say of it.
+
+    A pose that one submap holds as planar and another as spatial is planar: the robot itself knows that it is on the
+    ground. Raises ModelError where a submap in space holds something planar.
+    """
+    whole = _with_bases(stack)
+    chosen = _first_of_lowest_kind(whole.keys, whole.kinds)
+    dims = np.array([frame.dim for frame in frames])
+    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {}
+    for kind in map(Kind, np.unique(whole.kinds[chosen]).tolist()):
+        rows = chosen[whole.kinds[chosen] == kind]
+        holders, at = np.unique(whole.holder[rows], return_inverse=True)
+        if (dims[holders] > kind.dim).any():
+            raise ModelError("a spatial pose cannot be put into the plane without loss")
+        common = _lifted([frames[h] for h in holders.tolist()], kind.dim)[at]
+        local = unpack(whole.state[whole.start[rows, None] + np.arange(kind.size)], kind)
+        parts[kind] = (whole.keys[rows], common @ local if isinstance(local, Pose) else common.act(local))
+    return Values.of(parts)
+
+
+def _with_bases(stack: Stack) -> Stack:
+    """The stack with each submap's base before all, which is the identity in its own frame."""
+    kinds = np.array([int(pose_kind(2)), int(pose_kind(3))])[stack.base_dims - 2]
+    identities = [pack(Pose.identity(dim)) for dim in (2, 3)]
+    return Stack(
+        stack.bases,
+        stack.base_dims,
+        keys=np.concatenate([stack.bases, stack.keys]),
+        kinds=np.concatenate([kinds, stack.kinds]),
+        holder=np.concatenate([np.arange(len(stack.bases)), stack.holder]),
+        state=np.concatenate([*(identities[dim - 2] for dim in stack.base_dims.tolist()), stack.state]),
+    )
+
+
+def _first_of_lowest_kind(keys: IntArray, kinds: IntArray) -> IntArray:
+    """One row for each key, in the order of keys: of its rows of the lowest kind the first."""
+    order = np.argsort(keys)
+    begins = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+    return np.minimum.reduceat((kinds * len(keys) + np.arange(len(keys)))[order], begins) % len(keys)
+
+
+def _lifted(poses: Sequence[Pose], dim: int) -> Pose:
+    """Poses as a batch in `dim` dimensions."""
+    lifted = [pose.lift(dim) for pose in poses]
+    rotation = np.concatenate([pose.rotation for pose in lifted]).reshape(-1, dim, dim)
+    return Pose(rotation, np.concatenate([pose.translation for pose in lifted]).reshape(-1, dim))
