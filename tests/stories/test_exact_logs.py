@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from joining.test_exact import assert_law
+from joining.exact.test_rounds import assert_law
 
 import teamslam
 

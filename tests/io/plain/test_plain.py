@@ -35,7 +35,7 @@ from teamslam.model import (
 )
 from teamslam.model.sensors import pose_of
 
-DOCUMENTATION = Path(__file__).parents[2] / "docs" / "formats.md"
+DOCUMENTATION = Path(__file__).parents[3] / "docs" / "formats.md"
 TEAM = """
 [[robot]]
 name = "red"
