@@ -4,9 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from joining.exact.test_rounds import assert_law
 
 import teamslam
+from joining.exact.test_rounds import assert_law
 
 
 @pytest.mark.parametrize("name", ["mrclam5a.pyfg", "mrclam_6", "mrclam_1"])
