@@ -277,6 +277,10 @@ int32_t teamslam_solve_lower(const teamslam_factor* factor, double* rhs, int64_t
   return guarded<int32_t>(-1, [&] { return factor->cholesky.solve_lower(rhs, columns), 0; });
 }
 
+int32_t teamslam_solve_upper(const teamslam_factor* factor, double* rhs, int64_t columns) {
+  return guarded<int32_t>(-1, [&] { return factor->cholesky.solve_upper(rhs, columns), 0; });
+}
+
 double teamslam_log_determinant(const teamslam_factor* factor) { return factor->cholesky.log_determinant(); }
 
 int32_t teamslam_inverse_on_pattern(const teamslam_factor* factor, double* values) {

@@ -99,6 +99,7 @@ TEAMSLAM_API int32_t teamslam_factorise(teamslam_factor* factor, const double* v
                                         int32_t* pivot);
 TEAMSLAM_API int32_t teamslam_solve(const teamslam_factor* factor, double* rhs, int64_t columns);
 TEAMSLAM_API int32_t teamslam_solve_lower(const teamslam_factor* factor, double* rhs, int64_t columns);
+TEAMSLAM_API int32_t teamslam_solve_upper(const teamslam_factor* factor, double* rhs, int64_t columns);
 TEAMSLAM_API double teamslam_log_determinant(const teamslam_factor* factor);
 TEAMSLAM_API int32_t teamslam_inverse_on_pattern(const teamslam_factor* factor, double* values);
 TEAMSLAM_API int32_t teamslam_diagonal_inverse(const teamslam_factor* factor, const int32_t* variables, int64_t count,

@@ -46,6 +46,9 @@ class Cholesky {
   // X = L^-1 P B in place. Row i of the result belongs to elimination position i: the scalars of variable order()[0]
   // come first, then those of order()[1], and so on. Columns of B = J' give J A^-1 J' as X' X.
   void solve_lower(double* rhs, int64_t columns) const;
+  // X = P' L^-T B in place, rows of B by elimination position: solve_upper after solve_lower is solve. Of columns of
+  // white noise it makes draws whose covariance is A^-1.
+  void solve_upper(double* rhs, int64_t columns) const;
   double log_determinant() const;  // of A
 
   // Entries of A^-1 on the input pattern, in its layout (diagonal blocks whole).

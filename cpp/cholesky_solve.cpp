@@ -74,24 +74,26 @@ class Sweep {
   std::vector<double> t_;
 };
 
-enum class Result { natural, eliminated };  // the order in which a result is written
+enum class Order { natural, eliminated };  // in which columns are given, and in which results are written
 
-// Calls body(sweep, y) on the columns of rhs, permuted, in groups of `width`, and writes y back.
+// Calls body(sweep, y) on the columns of rhs, in the order of elimination, in groups of `width`, and writes y back.
 template <int64_t width, class Body>
 void over_groups(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
-                 Result result, const Body& body) {
+                 Order given, Order result, const Body& body) {
+  const auto place = [&s](Order order, int64_t i) { return order == Order::natural ? s.natural_scalar[i] : i; };
   Sweep<width> sweep(s, panel, inverse);
   std::vector<double> y(static_cast<size_t>(s.scalars * width), 0.0);
   for (int64_t c0 = 0; c0 < columns; c0 += width) {
     const int64_t count = std::min(width, columns - c0);
     double* group = rhs + c0 * s.scalars;
     for (int64_t i = 0; i < s.scalars; ++i) {
-      for (int64_t c = 0; c < count; ++c) y[i * width + c] = group[s.natural_scalar[i] + c * s.scalars];
+      const int64_t from = place(given, i);
+      for (int64_t c = 0; c < count; ++c) y[i * width + c] = group[from + c * s.scalars];
       for (int64_t c = count; c < width; ++c) y[i * width + c] = 0;
     }
     body(sweep, y.data());
     for (int64_t i = 0; i < s.scalars; ++i) {
-      const int64_t to = result == Result::natural ? s.natural_scalar[i] : i;
+      const int64_t to = place(result, i);
       for (int64_t c = 0; c < count; ++c) group[to + c * s.scalars] = y[i * width + c];
     }
   }
@@ -99,11 +101,11 @@ void over_groups(const Symbolic& s, const double* panel, const double* inverse, 
 
 template <class Body>
 void over_columns(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
-                  Result result, const Body& body) {
+                  Order given, Order result, const Body& body) {
   if (columns == 1) {
-    over_groups<1>(s, panel, inverse, rhs, columns, result, body);
+    over_groups<1>(s, panel, inverse, rhs, columns, given, result, body);
   } else {
-    over_groups<wide>(s, panel, inverse, rhs, columns, result, body);
+    over_groups<wide>(s, panel, inverse, rhs, columns, given, result, body);
   }
 }
 
@@ -111,16 +113,21 @@ void over_columns(const Symbolic& s, const double* panel, const double* inverse,
 
 void Cholesky::solve(double* rhs, int64_t columns) const {
   const size_t fronts = symbolic_->front.size();
-  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Result::natural,
-               [&](auto& sweep, double* y) {
+  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Order::natural,
+               Order::natural, [&](auto& sweep, double* y) {
                  sweep.forward(y, fronts);
                  sweep.backward(y, fronts);
                });
 }
 
 void Cholesky::solve_lower(double* rhs, int64_t columns) const {
-  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Result::eliminated,
-               [&](auto& sweep, double* y) { sweep.forward(y, symbolic_->front.size()); });
+  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Order::natural,
+               Order::eliminated, [&](auto& sweep, double* y) { sweep.forward(y, symbolic_->front.size()); });
+}
+
+void Cholesky::solve_upper(double* rhs, int64_t columns) const {
+  over_columns(*symbolic_, numeric_->panel.get(), numeric_->inverse.data(), rhs, columns, Order::eliminated,
+               Order::natural, [&](auto& sweep, double* y) { sweep.backward(y, symbolic_->front.size()); });
 }
 
 int32_t Cholesky::eliminate(const double* values, const double* damping, double* complement, const double* rhs,
@@ -136,8 +143,8 @@ int32_t Cholesky::eliminate(const double* values, const double* damping, double*
   }
   if (rhs == nullptr) return failed;
   std::vector<double> y(rhs, rhs + s.scalars);
-  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), y.data(), 1, Result::eliminated,
-               [&](auto& sweep, double* x) { sweep.forward(x, s.front.size() - 1); });
+  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), y.data(), 1, Order::natural,
+               Order::eliminated, [&](auto& sweep, double* x) { sweep.forward(x, s.front.size() - 1); });
   std::copy(y.begin() + (s.scalars - m), y.end(), reduced_rhs);
   return failed;
 }
@@ -145,8 +152,8 @@ int32_t Cholesky::eliminate(const double* values, const double* damping, double*
 void Cholesky::back_substitute(const double* last_solution, double* rhs_inout) const {
   const Symbolic& s = *symbolic_;
   const size_t interiors = s.front.size() - (s.last_scalars > 0 ? 1 : 0);
-  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), rhs_inout, 1, Result::natural,
-               [&](auto& sweep, double* y) {
+  over_columns(s, numeric_->panel.get(), numeric_->inverse.data(), rhs_inout, 1, Order::natural,
+               Order::natural, [&](auto& sweep, double* y) {
                  sweep.forward(y, interiors);
                  std::copy(last_solution, last_solution + s.last_scalars, y + (s.scalars - s.last_scalars));
                  sweep.backward(y, interiors);

@@ -84,6 +84,9 @@ def test_against_dense(system, ordering, width):
     close(factor.solve(rhs[:, 0]), inverse @ rhs[:, 0])
     half = factor.solve_lower(rhs)
     close(half.T @ half, rhs.T @ inverse @ rhs)
+    close(factor.solve_upper(half), inverse @ rhs)
+    upper = factor.solve_upper(np.eye(pattern.scalars))
+    close(upper @ upper.T, inverse)
     close(factor.log_determinant(), np.linalg.slogdet(a)[1])
     close(factor.inverse_on_pattern(), inverse[entries(pattern)])
     for v, block in enumerate(factor.diagonal_inverse()):

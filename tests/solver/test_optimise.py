@@ -179,6 +179,8 @@ def test_covariances_are_the_dense_inverse(world: str) -> None:
     pair = keys[[0, -1]]
     at = system.free.unknowns(pair)
     np.testing.assert_allclose(covariances.joint(pair), dense[np.ix_(at, at)], rtol=1e-8, atol=1e-14)
+    draws = covariances.draws(np.eye(system.free.dof))
+    np.testing.assert_allclose(draws @ draws.T, dense, rtol=1e-8, atol=1e-14)
 
 
 @pytest.mark.parametrize("world", WORLDS)

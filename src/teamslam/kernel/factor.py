@@ -77,6 +77,16 @@ class Factor:
             checked(library.solve_lower(self._pointer, x, columns))
         return _as_given(x)
 
+    def solve_upper(self, rhs: ArrayLike) -> Floats:
+        """P' L^-T rhs, rows of rhs in elimination order: of white noise it makes draws of covariance A^-1.
+
+        Law: solve_upper(solve_lower(b)) is solve(b).
+        """
+        x, columns = self._columns(rhs)
+        with self._held("factor"):
+            checked(library.solve_upper(self._pointer, x, columns))
+        return _as_given(x)
+
     def log_determinant(self) -> float:
         """log det A."""
         with self._held("factor"):

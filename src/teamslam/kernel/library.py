@@ -57,6 +57,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "factorise": (I, [P, A, A, A]),
     "solve": (I, [P, A, L]),
     "solve_lower": (I, [P, A, L]),
+    "solve_upper": (I, [P, A, L]),
     "log_determinant": (D, [P]),
     "inverse_on_pattern": (I, [P, A]),
     "diagonal_inverse": (I, [P, A, L, A]),

@@ -46,6 +46,13 @@ class Covariances:
         few."""
         return self._factor.marginals(self.layout.index(keys))
 
+    def draws(self, white: AnyArray) -> Array:
+        """Errors that the estimate may have, in its chart: P^1/2 white, white (dof,) or (dof, k).
+
+        Law: of columns of white noise it makes draws whose covariance is P; with the unit matrix D, D D' = P.
+        """
+        return self._factor.draws(np.asarray(white, float))
+
     def joint(self, keys: AnyArray) -> Array:
         """The joint covariance of several variables, dense, in the order of `keys`."""
         columns = self.layout.unknowns(np.asarray(keys))

@@ -110,6 +110,10 @@ class Factor:
         """H^-1 right, right (n,) or (n, k)."""
         return np.asarray(self._factor.solve(right))
 
+    def draws(self, white: Array) -> Array:
+        """H^-1/2 white, white (n,) or (n, k): columns of white noise become draws whose covariance is H^-1."""
+        return np.asarray(self._factor.solve_upper(white))
+
     def marginals(self, places: IntArray | None = None) -> list[Array]:
         """The marginal covariances of the variables at some places of the layout, or of all in its order."""
         return self._factor.diagonal_inverse(places)
