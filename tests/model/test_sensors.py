@@ -11,7 +11,7 @@ from sightings import MARKS, OBSERVERS, OTHERS, SETTINGS, Setting, every_table, 
 from strategies import generators, random_poses, unit_vectors
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, Pose
-from teamslam.model import MODELS, Kind, Table, Values, direction_basis, pack
+from teamslam.model import MODELS, Kind, Model, Table, Values, direction_basis, pack
 
 settings_drawn = st.sampled_from(SETTINGS)
 
@@ -24,9 +24,15 @@ def test_what_is_predicted_leaves_no_residual(rng: np.random.Generator, setting:
         row, dim = MODELS[table.model], table.dim
         assert table.predict(values).shape == (len(table), row.z_size(dim))
         assert table.residual(values).shape == (len(table), row.residual_rows(dim))
+        assert len(set(row.part_names(dim))) == row.residual_rows(dim)
         assert_allclose(table.residual(values), 0.0, atol=1e-12)
         seen.add(table.model)
     assert seen == set(MODELS)
+
+
+def test_parts_that_nobody_named_are_counted() -> None:
+    row = MODELS["range_bearing"]
+    assert Model(row.predict, row.minus, row.size, row.rows).part_names(3) == ("1", "2", "3")
 
 
 @given(generators, settings_drawn)

@@ -36,6 +36,7 @@ class Model:
     `predict(observer, target)` gives h (m, size) from Poses (m,) and Poses or points; `minus(z, h)` gives e (m, rows).
     `size` and `rows` are indexed by the dimension 2 or 3 of the measurement. `unary` models have no observer but the
     world (the predicted pose or position is that of the target). `native` is the kernel's name for it, if it has one.
+    `parts` names the rows of a residual in the plane and in space.
     """
 
     predict: Callable[[Pose, Target, int], Array]
@@ -45,6 +46,7 @@ class Model:
     unary: bool = False
     targets_pose: bool = False
     native: bool = False
+    parts: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
     def z_size(self, dim: int) -> int:
         """Numbers in one measurement of dimension 2 or 3."""
@@ -53,6 +55,10 @@ class Model:
     def residual_rows(self, dim: int) -> int:
         """Rows in one residual of dimension 2 or 3."""
         return self.rows[dim - 2]
+
+    def part_names(self, dim: int) -> tuple[str, ...]:
+        """What the rows of a residual are called: 'x', 'bearing', ...; by number where nobody named them."""
+        return self.parts[dim - 2] or tuple(str(n + 1) for n in range(self.residual_rows(dim)))
 
 
 def position(target: Target, dim: int) -> Array:
@@ -135,12 +141,18 @@ def _pose(observer: Pose, target: Target, dim: int) -> Array:
     return pack(target.lift(dim))
 
 
+PLACE = (("x", "y"), ("x", "y", "z"))
+POSE = (("x", "y", "theta"), ("x", "y", "z", "rx", "ry", "rz"))  # of a rotation in space: about the body's axes
+DISTANCE = (("range",), ("range",))
+DIRECTION = (("bearing",), ("azimuth", "elevation"))
+BOTH = (("range", "bearing"), ("range", "azimuth", "elevation"))
+
 MODELS: dict[str, Model] = {
-    "relative_pose": Model(_relative_pose, _minus_pose, (6, 12), (3, 6), targets_pose=True, native=True),
-    "point": Model(_point, _difference, (2, 3), (2, 3), native=True),
-    "range": Model(_range, _difference, (1, 1), (1, 1), native=True),
-    "bearing": Model(_bearing, _minus_bearing, (1, 3), (1, 2), native=True),
-    "range_bearing": Model(_range_bearing, _minus_range_bearing, (2, 4), (2, 3), native=True),
-    "position": Model(_position, _difference, (2, 3), (2, 3), unary=True, native=True),
-    "pose": Model(_pose, _minus_pose, (6, 12), (3, 6), unary=True, targets_pose=True, native=True),
+    "relative_pose": Model(_relative_pose, _minus_pose, (6, 12), (3, 6), targets_pose=True, native=True, parts=POSE),
+    "point": Model(_point, _difference, (2, 3), (2, 3), native=True, parts=PLACE),
+    "range": Model(_range, _difference, (1, 1), (1, 1), native=True, parts=DISTANCE),
+    "bearing": Model(_bearing, _minus_bearing, (1, 3), (1, 2), native=True, parts=DIRECTION),
+    "range_bearing": Model(_range_bearing, _minus_range_bearing, (2, 4), (2, 3), native=True, parts=BOTH),
+    "position": Model(_position, _difference, (2, 3), (2, 3), unary=True, native=True, parts=PLACE),
+    "pose": Model(_pose, _minus_pose, (6, 12), (3, 6), unary=True, targets_pose=True, native=True, parts=POSE),
 }

@@ -22,7 +22,6 @@ from teamslam.model.sensors import pose_of
 
 POSE = {2: ("x", "y", "theta"), 3: ("x", "y", "z", "qw", "qx", "qy", "qz")}
 POINT = {2: ("x", "y"), 3: ("x", "y", "z")}
-ROTATION = ("rx", "ry", "rz")
 ANGLES = {2: ("bearing",), 3: ("azimuth", "elevation")}
 
 
@@ -36,9 +35,7 @@ def value_columns(model: str, dim: int) -> tuple[str, ...]:
 
 def components(model: str, dim: int) -> tuple[str, ...]:
     """The names of a residual's rows, in their order."""
-    if MODELS[model].targets_pose and dim == 3:
-        return (*POINT[3], *ROTATION)
-    return value_columns(model, dim)
+    return MODELS[model].part_names(dim)
 
 
 def sigma_columns(names: tuple[str, ...]) -> tuple[str, ...]:
