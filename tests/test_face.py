@@ -46,6 +46,15 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert done.stdout.split("\n")[:2] == ["[]", "False"]
 
 
+@pytest.mark.parametrize("module", ["teamslam.pipeline", "teamslam.results", "teamslam.cli.app"])
+def test_the_whole_story_loads_only_what_it_surely_needs(module: str) -> None:
+    """scipy.stats alone takes longer to import than a small team to map; the rest is loaded where it is used."""
+    late = "{'scipy.stats', 'scipy.spatial', 'scipy.optimize', 'scipy.linalg', 'scipy.sparse.csgraph', 'matplotlib'}"
+    code = f"import sys, {module}\nprint(sorted({late} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_the_example_in_the_documentation_names_only_what_is_there() -> None:
     """ts.something is exported."""
     used = set(re.findall(r"\bts\.(\w+)", teamslam.__doc__ or ""))

@@ -18,12 +18,10 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
-from scipy.stats import chi2
 
 from teamslam.geometry import AnyArray, Array, Pose
 from teamslam.metrics.frames import Aligned, as_kinds, truth_at_base
-from teamslam.model import Submap, Values, is_pose
+from teamslam.model import Submap, Values, chi2_quantile, is_pose
 
 CONFIDENCE = 0.95
 _STEP = 1e-6
@@ -54,7 +52,7 @@ class ChiSquare:
         if self.dof <= 0:
             return None
         tail = 0.5 - 0.5 * CONFIDENCE
-        return float(chi2.ppf(tail, self.dof)) / self.dof, float(chi2.isf(tail, self.dof)) / self.dof
+        return chi2_quantile(tail, self.dof) / self.dof, chi2_quantile(1.0 - tail, self.dof) / self.dof
 
     @property
     def inside(self) -> bool | None:
@@ -123,6 +121,8 @@ class _Information:
 
     @classmethod
     def of(cls, submap: Submap, known: Values) -> "_Information":
+        from scipy.sparse.linalg import splu
+
         layout = submap.values.layout
         mine = layout.unknowns(known.layout.keys)
         rest = np.setdiff1d(np.arange(layout.dof), mine)
@@ -173,5 +173,5 @@ def _one_by_one(known: Values, estimate: Values, covariances: Marginals | None, 
         e = error[start : start + dof]
         nees.append(float(e @ np.linalg.solve(block, e)))
     values = np.array(nees)
-    inside = values <= chi2.ppf(CONFIDENCE, dofs)
+    inside = values <= chi2_quantile(CONFIDENCE, dofs)
     return MarginalNees(float(values.sum() / dofs.sum()), float(inside.mean()))

@@ -1,5 +1,6 @@
 """The nouns: what was seen (`Dataset`, `Table`), what is believed (`Values`, `Submap`), and what they are called."""
 
+from teamslam.model.chi_square import chi2_quantile
 from teamslam.model.dataset import Dataset, Dropped
 from teamslam.model.keys import (
     WORLD,
@@ -37,6 +38,7 @@ __all__ = [
     "Submap",
     "Table",
     "Values",
+    "chi2_quantile",
     "direction_basis",
     "index_of",
     "is_landmark",

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.geometry import AnyArray, Array, IntArray
 
@@ -56,6 +55,8 @@ def by_sharing(named: Sequence[IntArray]) -> list[int]:
 
 
 def _in_row(members: IntArray, weights: sp.csr_array) -> list[int]:
+    from scipy.sparse.csgraph import connected_components
+
     if len(members) <= 2:
         return [int(m) for m in members]
     half = 1 << (len(members) - 1).bit_length() - 1

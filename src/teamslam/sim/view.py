@@ -1,13 +1,14 @@
 """What is in view: pairs of poses and targets within a sensor's range and field of view."""
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from teamslam.geometry import Array, IntArray, Pose
 
 
 def landmarks_in_view(eyes: Pose, points: Array, range_m: float, field_of_view_rad: float) -> tuple[IntArray, IntArray]:
     """Which of the sensors `eyes` (n,) sees which of `points` (k, d): two index arrays, rising by eye, then point."""
+    from scipy.spatial import cKDTree
+
     if not len(points):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     found = list(cKDTree(points).query_ball_point(eyes.translation, range_m, return_sorted=True))

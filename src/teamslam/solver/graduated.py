@@ -16,11 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray
-from teamslam.model import Values
+from teamslam.model import Values, chi2_quantile
 from teamslam.solver.optimise import DEFAULTS, Options, optimise
 from teamslam.solver.solution import Solution
 from teamslam.solver.system import System
@@ -59,7 +58,7 @@ def optimise_graduated(
     """
     if not 0.0 < probability < 1.0:
         raise InputError(f"the probability of the gate lies between 0 and 1, found {probability}")
-    gates = {i: float(chi2.ppf(probability, _rows(system, i))) for i in suspects}
+    gates = {i: chi2_quantile(probability, _rows(system, i)) for i in suspects}
     solution = optimise(system, start, options)
     squared = {i: np.sum(system.whitened(i, solution.values) ** 2, -1) for i in suspects}
     excess = max((float(s.max(initial=0.0)) / gates[i] for i, s in squared.items()), default=0.0)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array
+from teamslam.model import chi2_quantile
 from teamslam.viz.scene import CONFIDENCE
 from teamslam.viz.style import INK, METHOD_COLOURS, QUIET, robot_colour, styled
 
@@ -124,7 +124,7 @@ def draw_consistency(tracks: Sequence[ErrorTrack], title: str = "", caption: str
     for order, track in enumerate(tracks):
         mean = float(np.nanmean(track.nees))
         axes.plot(track.stamps_s, track.nees, color=robot_colour(order), lw=0.9, label=f"{track.robot}: {mean:.2f}")
-    bound = float(chi2.ppf(CONFIDENCE, tracks[0].dof)) / tracks[0].dof
+    bound = chi2_quantile(CONFIDENCE, tracks[0].dof) / tracks[0].dof
     axes.axhline(1.0, color=QUIET, lw=0.8)
     axes.axhline(bound, color=INK, lw=0.9, ls="--", label=f"{CONFIDENCE:.0%} bound\nof one pose")
     axes.set_yscale("log")

@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import chi2
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import WORLD, Submap, Values, robot_of
+from teamslam.model import WORLD, Submap, Values, chi2_quantile, robot_of
 
 CONFIDENCE = 0.95
 FACTORS = (100, 50, 20, 10, 5, 2)  # how many times regions too small to see are drawn larger
@@ -80,11 +79,11 @@ class Scene:
     def magnification(self, dim: int) -> int:
         """How many times larger regions are drawn so that the eye finds them; the legend says so."""
         sizes = [np.linalg.eigvalsh(c)[-1] for _, c in self.regions(self.map.landmark_keys, dim)]
-        large = np.sqrt(max(float(np.quantile(sizes, 0.9)), 0.0) * chi2.ppf(CONFIDENCE, dim)) if sizes else 0.0
+        large = np.sqrt(max(float(np.quantile(sizes, 0.9)), 0.0) * chi2_quantile(CONFIDENCE, dim)) if sizes else 0.0
         return next((k for k in FACTORS if 0.0 < k * large <= 0.04 * self.extent(dim)), 1)
 
 
 def shape_of(covariance: Array, confidence: float = CONFIDENCE) -> tuple[Array, Array]:
     """Radii (d,) [m], rising, and axes (d, d), in columns, of the region that holds a Gaussian with `confidence`."""
     values, vectors = np.linalg.eigh(covariance)
-    return np.sqrt(np.maximum(values, 0.0) * chi2.ppf(confidence, len(covariance))), vectors
+    return np.sqrt(np.maximum(values, 0.0) * chi2_quantile(confidence, len(covariance))), vectors

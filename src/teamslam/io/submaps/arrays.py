@@ -23,7 +23,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import AnyArray, Pose
@@ -357,6 +356,8 @@ def _information(content: _Content, dof: int, prove: bool) -> sp.csr_array:
 
 def positive_definite(matrix: sp.csr_array) -> bool:
     """True where a symmetric matrix is positive definite, by factorisation."""
+    from scipy.sparse.linalg import splu
+
     size = matrix.shape[0]
     if size == 0:
         return True
@@ -372,9 +373,7 @@ def positive_definite(matrix: sp.csr_array) -> bool:
         if size <= DENSE:
             np.linalg.cholesky(scaled.toarray())
             return True
-        factor = scipy.sparse.linalg.splu(
-            scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
+        factor = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except (np.linalg.LinAlgError, RuntimeError):
         return False
     # Without pivoting off the diagonal, U's diagonal is D of L D L', positive where the matrix is positive definite.

@@ -7,7 +7,6 @@
 from pathlib import Path
 
 import numpy as np
-import scipy.linalg
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array
@@ -50,6 +49,8 @@ def _read_map(path: Path, number: int) -> Submap:
 
 
 def _inverse(covariance: Array, path: Path, field: str) -> Array:
+    from scipy.linalg import cho_factor, cho_solve
+
     check_definite(covariance, path, field)
-    factor = scipy.linalg.cho_factor(0.5 * (covariance + covariance.T), lower=True)
-    return np.asarray(scipy.linalg.cho_solve(factor, np.eye(len(covariance))))
+    factor = cho_factor(0.5 * (covariance + covariance.T), lower=True)
+    return np.asarray(cho_solve(factor, np.eye(len(covariance))))

@@ -16,7 +16,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
@@ -116,6 +115,8 @@ def schur_complement(layout: Layout, information: sp.csr_array, gone: BoolArray)
 
 def _groups(layout: Layout, information: sp.csr_array, gone: BoolArray) -> list[tuple[IntArray, IntArray]]:
     """The groups of interiors that hang together, each with the kept variables that it touches: places, rising."""
+    from scipy.sparse.csgraph import connected_components
+
     couplings = block_couplings(layout, information)
     inner = np.flatnonzero(gone)
     if not len(inner):

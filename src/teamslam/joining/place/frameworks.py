@@ -16,13 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from teamslam.geometry import Array, IntArray, Pose, rotations
 from teamslam.joining.place.motions import by_body, put, swept
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.ranges import Ranges, Rods
 from teamslam.joining.place.robust_fit import HINGE, PLACE_SIGMA
+from teamslam.model import chi2_quantile
 
 STARTS = 32  # for each body but the first; a triangle falls into one of its two assemblies from nearly all of them
 STEPS = 60
@@ -114,7 +114,7 @@ def assemblies(outlines: Sequence[Outline], dim: int, ranges: Ranges | None = No
     if truss.rows < truss.unknowns:
         return []
     frames, costs = _solved(truss, _starts(truss))
-    limit = float(chi2.ppf(FITS, max(truss.rows - truss.unknowns, 1)))
+    limit = chi2_quantile(FITS, max(truss.rows - truss.unknowns, 1))
     found: list[Pose] = []
     for s in np.argsort(costs):
         candidate = frames[s]

@@ -8,7 +8,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import breadth_first_order
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, concatenate, lift_points
@@ -47,6 +46,8 @@ def own_chain(piece: Dataset, robot: int) -> IntArray:
     closures into another piece); in a graph that runs otherwise, all that hang together. Raises ModelError where an
     observer hangs on nothing.
     """
+    from scipy.sparse.csgraph import breadth_first_order
+
     poses = piece.pose_keys[robot]
     which, _, _ = odometry_links(piece, robot, poses)
     gaps = np.flatnonzero(which < 0)
@@ -89,6 +90,8 @@ def _own_graph(piece: Dataset, robot: int, poses: IntArray) -> sp.csr_array:
 
 def _compose_by_tree(piece: Dataset, robot: int, poses: IntArray) -> Pose:
     """The poses composed outwards from the first along a spanning tree of relative poses, nearest first."""
+    from scipy.sparse.csgraph import breadth_first_order
+
     dim, graph = piece.robots[robot], _own_graph(piece, robot, poses)
     measured = concatenate([_planar_or_whole(_of_bodies(t, unpack_poses(t)), dim) for t in _own_rows(piece, robot)])
     order, above = breadth_first_order(graph, 0, directed=False)

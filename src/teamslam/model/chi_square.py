@@ -1,0 +1,22 @@
+"""Chi-square: how large sums of squares of unit Gaussians are.
+
+By scipy.special: to import scipy.stats takes longer than to map a small team.
+"""
+
+from typing import overload
+
+import numpy as np
+
+from teamslam.geometry import AnyArray, Array
+
+
+@overload
+def chi2_quantile(share: float, dof: int) -> float: ...
+@overload
+def chi2_quantile(share: float, dof: AnyArray) -> Array: ...
+def chi2_quantile(share: float, dof: int | AnyArray) -> float | Array:
+    """What a sum of `dof` squares stays below with probability `share`; any batch of `dof` above 0."""
+    from scipy.special import gammaincinv
+
+    found = 2.0 * gammaincinv(0.5 * np.asarray(dof), share)
+    return float(found) if np.ndim(found) == 0 else np.asarray(found)
