@@ -20,10 +20,10 @@ import numpy as np
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
-from teamslam.joining.join.join import join
 from teamslam.joining.build.split import split
-from teamslam.joining.start.odometry import odometry_along
+from teamslam.joining.join.join import join
 from teamslam.joining.start.dead_reckoning import dead_reckoning, own_chain, place_targets
+from teamslam.joining.start.odometry import odometry_along
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.joining.start.wound import wound
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
