@@ -23,7 +23,7 @@ from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import split
 from teamslam.joining.join.join import join
 from teamslam.joining.start.dead_reckoning import dead_reckoning, own_chain, place_targets
-from teamslam.joining.start.odometry import odometry_along
+from teamslam.joining.start.odometry import odometry_along, odometry_links
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.joining.start.wound import wound
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
@@ -60,7 +60,10 @@ def build_with_solution(
     progress: Callable[[Step], None] | None = None,
 ) -> tuple[Submap, Solution]:
     """`build`, and the solver's account of it."""
-    return next(_optima(piece, id, version, options, progress))
+    submap, solution = next(_optima(piece, id, version, options, progress))
+    if not solution.converged:
+        raise SolveError(_not_converged(solution))
+    return submap, solution
 
 
 def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -69,7 +72,10 @@ def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[S
     There is more than one only where dead reckoning loses the heading (see `wound`). Which of them is right may
     show only when the team's submaps meet. All have one id: a join takes one of them. Raises as `build` does.
     """
-    return [submap for submap, _ in _optima(piece, None, 0, options, None)]
+    found = list(_optima(piece, None, 0, options, None))
+    if not found[0][1].converged:
+        raise SolveError(_not_converged(found[0][1]))
+    return [submap for submap, _ in found]
 
 
 def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -102,8 +108,6 @@ def _optima(
         solution = optimise(system, convex_start(system, start, options), options, progress)
         if rank > 0 and not solution.converged:
             continue
-        if not solution.converged:
-            raise SolveError(_not_converged(solution))
         submap = Submap(
             id=id or f"{piece.names.robot(robot)}/{int(index_of(base))}",
             version=version,
@@ -147,7 +151,34 @@ def _starts(piece: Dataset, robot: int, options: Options) -> list[Values]:
         return ways
     parts = split(piece, heading_sigma=HEADING_SIGMA)
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
-    return [join((build(part, options=options) for part in parts), options=rough).map.all_values]
+    try:
+        return [join((_rough(part, robot, rough) for part in parts), options=rough).map.all_values]
+    except SolveError:
+        return [_dead_reckoned(piece, robot)]
+
+
+def _rough(part: Dataset, robot: int, options: Options) -> Submap:
+    """A part's submap that only serves as a start: as near to an optimum as it gets, or else the way that its odometry
+    tells."""
+    try:
+        return next(_optima(part, None, 0, options, None))[0]
+    except SolveError:
+        poses = own_chain(part, robot)
+        return build(part.with_tables(_odometry(part, robot, poses)), options=options)
+
+
+def _odometry(part: Dataset, robot: int, poses: IntArray) -> Iterator[Table]:
+    """One relative pose between each two neighbours of the robot's poses, and nothing else."""
+    which, row, _ = odometry_links(part, robot, poses)
+    for number, table in enumerate(part.tables):
+        if (which == number).any():
+            yield table.select(np.sort(row[which == number]))
+
+
+def _dead_reckoned(piece: Dataset, robot: int) -> Values:
+    """Everything where dead reckoning puts it."""
+    kinds = _local_kinds(piece.layout, piece.robots[robot])
+    return triangulate(place_targets(dead_reckoning(piece, robot), piece.tables, kinds), piece.tables)
 
 
 def _ways(piece: Dataset, robot: int) -> list[Values]:
