@@ -2,12 +2,15 @@
 
 Two shapes of file: columns between blanks with `#` comments (`read_columns`), and CSV with a header as spreadsheets and
 pandas write it (`read_csv`: comma, semicolon or tab, quotes, a byte-order mark).
+
+Plain files, which are nearly all, are read at once (`grid`). The others (quotes, comments between the rows, numbers
+like `+1` or `.5`, damage) are gone through cell by cell, which gives the same, or says what is wrong and where.
 """
 
+import codecs
 import csv
-import difflib
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,21 +18,32 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
+from teamslam.io.files.csv_file import Csv, finite_numbers
+from teamslam.io.files.grid import between_blanks, separated
 
 
 def read_text(path: Path) -> str:
     """The whole of a text file (UTF-8, with or without a byte-order mark). InputError where it is absent or no text."""
+    content = _read_bytes(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise InputError("no such file", path=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", path=path) from None
+        text = content.decode()
     except UnicodeDecodeError as error:
         raise InputError(f"byte {error.start} is no text; expected a text file (UTF-8)", path=path) from None
     if "\0" in text:
         raise InputError("holds bytes of value 0; expected a text file (UTF-8)", path=path)
     return text
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes().removeprefix(codecs.BOM_UTF8)
+    except FileNotFoundError:
+        raise InputError("no such file", path=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path=path) from None
+
+
+# --- columns between blanks -------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +60,24 @@ def read_columns(path: Path, fields: Sequence[str]) -> Columns:
     InputError names the line and field of a row that is too short or too long, of a word that is no number, and of a
     number that is not finite. A file without rows gives none.
     """
+    return plain_columns(_read_bytes(path), len(fields)) or any_columns(path, fields)
+
+
+def plain_columns(content: bytes, columns: int) -> Columns | None:
+    """A grid of numbers below comments; None where the file is not so plain."""
+    if not _is_text(content):
+        return None
+    above, body = _below_comments(content)
+    found = between_blanks(body, columns)
+    if found is None:
+        return None
+    grid, lines = found
+    numbers = grid.numbers()
+    return None if numbers is None else Columns(numbers, 1 + above.count(b"\n") + lines)
+
+
+def any_columns(path: Path, fields: Sequence[str]) -> Columns:
+    """As `read_columns`, line by line."""
     rows, lines = [], []
     for number, line in enumerate(read_text(path).split("\n"), 1):
         cells = line.split()
@@ -61,68 +93,51 @@ def read_columns(path: Path, fields: Sequence[str]) -> Columns:
     if not rows:
         return Columns(np.zeros((0, len(fields))), places)
     columns = list(zip(*rows, strict=True))
-    numbers = [_numbers(cells, name, path, places) for cells, name in zip(columns, fields, strict=True)]
+    numbers = [finite_numbers(cells, name, path, places) for cells, name in zip(columns, fields, strict=True)]
     return Columns(np.stack(numbers, -1), places)
 
 
-@dataclass(frozen=True, eq=False)
-class Csv:
-    """A CSV file with a header: cells by column name, and the line each row stands on."""
-
-    path: Path
-    cells: dict[str, tuple[str, ...]]
-    lines: IntArray
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    def has(self, *names: str) -> bool:
-        """True where all these columns are there."""
-        return all(name in self.cells for name in names)
-
-    def words(self, name: str) -> tuple[str, ...]:
-        """A column as words, none of them empty. InputError where the column or a cell is missing."""
-        self._require(name)
-        for cell, line in zip(self.cells[name], self.lines.tolist(), strict=True):
-            if not cell:
-                raise InputError("empty; every row needs it", path=self.path, line=line, field=name)
-        return self.cells[name]
-
-    def numbers(self, *names: str) -> Array:
-        """Columns as finite numbers (n, len(names)). InputError where one is missing, no number, or not finite."""
-        for name in names:
-            self._require(name)
-        return np.stack([_numbers(self.cells[name], name, self.path, self.lines) for name in names], -1)
-
-    def fail(self, row: int, problem: str, name: str | None = None) -> InputError:
-        """The error to raise about a row (0-based) and, if given, a column."""
-        return InputError(problem, path=self.path, line=int(self.lines[row]), field=name)
-
-    def refuse_others(self, known: Iterable[str]) -> None:
-        """InputError for the first column that has no meaning here, with the nearest name that has."""
-        known = sorted(known)
-        for name in self.cells:
-            if name not in known:
-                near = difflib.get_close_matches(name, known, 1)
-                hint = f"did you mean '{near[0]}'?" if near else f"known columns: {', '.join(known)}"
-                raise InputError(f"unknown column; {hint}", path=self.path, line=1, field=name)
-
-    def _require(self, name: str) -> None:
-        if name not in self.cells:
-            raise InputError(
-                f"no such column; found {', '.join(self.cells) or 'none'}", path=self.path, line=1, field=name
-            )
+# --- CSV --------------------------------------------------------------------------------------------------------------
 
 
-def read_csv(path: Path) -> Csv:
+def read_csv(path: Path, *, words: Collection[str] = ()) -> Csv:
     """A CSV file with a header line. Blank lines and lines that begin with `#` are left out.
 
-    The separator is the comma, semicolon or tab that the header uses. InputError for a file without a header, a column
-    named twice, or a row of another length than the header.
+    The separator is the comma, semicolon or tab that the header uses. `words`: the columns, where they are there, that
+    hold names; all others should hold numbers. InputError for a file without a header, a column named twice, or a row
+    of another length than the header; what is wrong with a cell is said when its column is asked for.
     """
+    return plain_csv(_read_bytes(path), path, words) or any_csv(path)
+
+
+def plain_csv(content: bytes, path: Path, words: Collection[str]) -> Csv | None:
+    """A header below comments, then a grid of numbers and words, nothing in quotes; None where it is not so plain."""
+    if b"\r" in content and content.count(b"\r") == content.count(b"\r\n"):
+        content = content.replace(b"\r\n", b"\n")
+    if b"\r" in content or b'"' in content or not _is_text(content):
+        return None
+    above, below = _below_comments(content)
+    first, _, body = below.partition(b"\n")
+    line = first.decode()
+    separator = _separator((above + first).decode())
+    header = [name.strip() for name in line.split(separator)]
+    if b"#" in below or len(set(header)) < len(header) or not any(header):
+        return None
+    grid = separated(body, separator, len(header))
+    if grid is None:
+        return None
+    named = [place for place, name in enumerate(header) if name in words]
+    numbers, names = grid.numbers(*named), {header[place]: grid.words(place) for place in named}
+    if numbers is None or None in names.values():
+        return None
+    columns = {name: names.get(name) or numbers[:, place] for place, name in enumerate(header)}
+    return Csv(path, columns, 2 + above.count(b"\n") + np.arange(len(numbers)))
+
+
+def any_csv(path: Path) -> Csv:
+    """As `read_csv`, cell by cell."""
     text = read_text(path)
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    separator = max(",;\t", key=first.count)
+    separator = _separator(text)
     header: list[str] | None = None
     rows, lines = [], []
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
@@ -153,26 +168,31 @@ def read_csv(path: Path) -> Csv:
     return Csv(path, dict(zip(header, columns, strict=True)), np.asarray(lines, np.int64))
 
 
-def _numbers(cells: Sequence[str], name: str, path: Path, lines: IntArray) -> Array:
-    try:
-        numbers = np.array(cells, float)
-    except (ValueError, OverflowError):
-        numbers = np.array([_number(c, name, path, n) for c, n in zip(cells, lines.tolist(), strict=True)], float)
-    bad = np.flatnonzero(~np.isfinite(numbers))
-    if len(bad):
-        raise InputError(
-            f"'{cells[bad[0]]}' is not a finite number; leave the row out if the value is not known",
-            path=path,
-            line=int(lines[bad[0]]),
-            field=name,
-        )
-    return numbers
+def _separator(text: str) -> str:
+    """What the first line that is no comment has most of."""
+    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    return max(",;\t", key=first.count)
 
 
-def _number(cell: str, name: str, path: Path, line: int) -> float:
+# --- plain files ------------------------------------------------------------------------------------------------------
+
+
+def _is_text(content: bytes) -> bool:
+    if b"\0" in content:
+        return False
     try:
-        return float(cell)
-    except ValueError:
-        comma = " (decimal commas are not read: write a point)" if cell.count(",") == 1 else ""
-        shown = cell if len(cell) <= 40 else cell[:37] + "..."
-        raise InputError(f"expected a number, found '{shown}'{comma}", path=path, line=line, field=name) from None
+        return content.isascii() or bool(content.decode())
+    except UnicodeDecodeError:
+        return False
+
+
+def _below_comments(content: bytes) -> tuple[bytes, bytes]:
+    """Comments and empty lines at the top; and what follows, with one newline at its end."""
+    start = 0
+    while start < len(content):
+        end = content.find(b"\n", start) + 1 or len(content)
+        line = content[start:end].strip()
+        if line and not line.startswith(b"#"):
+            break
+        start = end
+    return content[:start], content[start:].rstrip(b"\r\n") + b"\n"

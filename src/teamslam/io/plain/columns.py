@@ -16,7 +16,7 @@ import numpy as np
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Array, IntArray, Pose
-from teamslam.io.files.delimited import Csv
+from teamslam.io.files.csv_file import Csv
 from teamslam.model import MODELS, Kind, Table, pack, whitening
 from teamslam.model.sensors import pose_of
 
@@ -57,7 +57,7 @@ def dim_of(csv: Csv, model: str, stated: int | None, default: int) -> int:
     if not fits:
         plane, space = (", ".join(value_columns(model, dim)) for dim in (2, 3))
         shapes = plane if plane == space else f"{plane} (plane) or {space} (space)"
-        raise InputError(f"a {model} needs the columns {shapes}; found {', '.join(csv.cells)}", path=csv.path, line=1)
+        raise InputError(f"a {model} needs the columns {shapes}; found {', '.join(csv.columns)}", path=csv.path, line=1)
     if stated is not None and stated not in fits:
         missing = next(name for name in value_columns(model, stated) if not csv.has(name))
         raise InputError(f"dim = {stated}, but there is no such column", path=csv.path, line=1, field=missing)
@@ -118,7 +118,7 @@ def kind_of(csv: Csv, *, poses_only: bool) -> Kind:
             return kind
     points = "" if poses_only else ", or x, y or x, y, z of points"
     raise InputError(
-        f"expected the columns x, y, theta or x, y, z, qw, qx, qy, qz of poses{points}; found {', '.join(csv.cells)}",
+        f"expected the columns x, y, theta or x, y, z, qw, qx, qy, qz of poses{points}; found {', '.join(csv.columns)}",
         path=csv.path, line=1,
     )  # fmt: skip
 

@@ -8,9 +8,10 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.frontend.interpolate import interpolate
 from teamslam.geometry import Array, IntArray, Pose, concatenate
-from teamslam.io.files.delimited import Csv, read_csv
+from teamslam.io.files.csv_file import Csv
+from teamslam.io.files.delimited import read_csv
 from teamslam.io.plain.columns import POINT, POSE, kind_of, read_poses, ticks_of
-from teamslam.io.plain.roster import Roster
+from teamslam.io.plain.roster import NAMED, Roster
 from teamslam.io.plain.schema import Known, Team
 from teamslam.model import Dataset, Kind, Values, index_of, pose_key, pose_kind
 
@@ -22,8 +23,10 @@ def read_known(folder: Path, known: Known, team: Team, roster: Roster, dataset: 
     across at most `truth_gap_s`. In mode 'given' they are the rows as they stand.
     """
     parts = [
-        part for name in _files(known.robots) for part in _robots(read_csv(folder / name), team, roster, dataset)
-    ] + [_landmarks(read_csv(folder / name), team, roster, dataset) for name in _files(known.landmarks)]
+        part
+        for name in _files(known.robots)
+        for part in _robots(read_csv(folder / name, words=NAMED), team, roster, dataset)
+    ] + [_landmarks(read_csv(folder / name, words=NAMED), team, roster, dataset) for name in _files(known.landmarks)]
     if not parts:
         return None
     by_kind = {kind: [part[1:] for part in parts if part[0] == kind] for kind in {part[0] for part in parts}}

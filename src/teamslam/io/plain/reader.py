@@ -10,7 +10,8 @@ from teamslam.errors import InputError
 from teamslam.frontend.keyframes import Stream, place_keyframes, without_repeats
 from teamslam.frontend.velocity import VelocityNoise
 from teamslam.geometry import Array, IntArray, Pose
-from teamslam.io.files.delimited import Csv, read_csv
+from teamslam.io.files.csv_file import Csv
+from teamslam.io.files.delimited import read_csv
 from teamslam.io.files.options import options_of
 from teamslam.io.plain.columns import (
     components,
@@ -24,7 +25,7 @@ from teamslam.io.plain.columns import (
     value_columns,
 )
 from teamslam.io.plain.known import read_known
-from teamslam.io.plain.roster import Roster
+from teamslam.io.plain.roster import NAMED, Roster
 from teamslam.io.plain.schema import FILE, STREAMS, Log, Team, read_team
 from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, pose_key, robot_of
 
@@ -85,7 +86,7 @@ def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], l
     streams: list[Stream] = []
     taken: dict[tuple[int, str], int] = {}  # rows so far of each robot's log of each source
     for place, log in enumerate(team.log):
-        csv = read_csv(folder / log.file)
+        csv = read_csv(folder / log.file, words=NAMED)
         if log.model in STREAMS:
             if team.keyframes == "given":
                 raise InputError(
@@ -228,7 +229,7 @@ def _keys(csv: Csv, log: Log, team: Team, roster: Roster, robots: IntArray) -> t
     else:
         raise InputError(
             f"a {log.model} needs to say of what: a column 'landmark', 'other' (a robot), or from_stamp and to_stamp; "
-            f"found {', '.join(csv.cells)}",
+            f"found {', '.join(csv.columns)}",
             path=csv.path, line=1,
         )  # fmt: skip
     source = log.source or source

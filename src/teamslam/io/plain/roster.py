@@ -7,9 +7,11 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray
-from teamslam.io.files.delimited import Csv
+from teamslam.io.files.csv_file import Csv
 from teamslam.io.plain.schema import FILE, Robot, Team, numbers_of
 from teamslam.model import Names, landmark_key, landmark_number
+
+NAMED = ("robot", "observer", "landmark", "other")  # the columns that hold names
 
 
 class Roster:
@@ -43,16 +45,18 @@ class Roster:
     def robots(self, csv: Csv, column: str) -> IntArray:
         """A column of robots' names as numbers (m,). InputError for a name that is not in team.toml."""
         words = csv.words(column)
-        for row, word in enumerate(words):
+        for code, word in enumerate(words.names):
             if word not in self._robots:
                 near = difflib.get_close_matches(word, list(self._robots), 1)
                 hint = f"did you mean '{near[0]}'?" if near else f"team.toml has {', '.join(self._robots)}"
+                row = int(np.argmax(words.codes == code))
                 raise csv.fail(row, f"unknown robot '{word}'; {hint} A new robot needs a [[robot]] there", column)
-        return np.array([self._robots[word] for word in words], np.int64)
+        return np.array([self._robots[word] for word in words.names], np.int64)[words.codes]
 
     def landmarks(self, csv: Csv) -> IntArray:
         """The column `landmark` as keys (m,)."""
-        return landmark_key(np.array([self._number_of(word) for word in csv.words("landmark")], np.int64))
+        words = csv.words("landmark")
+        return landmark_key(np.array([self._number_of(word) for word in words.names], np.int64)[words.codes])
 
     def _number_of(self, name: str) -> int:
         if name not in self._landmarks:
