@@ -1,5 +1,6 @@
 """Options: what is saved comes back; what is wrong is named, with the nearest name there is."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,21 +16,25 @@ from teamslam.solver import Options as SolverOptions
 
 positive = st.floats(1e-12, 1e12)
 scalars = st.one_of(st.booleans(), st.integers(-(2**62), 2**62), st.floats(allow_nan=False), st.text(max_size=8))
+joins = st.builds(JoinOptions, order=st.sampled_from(list(ORDERS)), gap=positive) | st.builds(
+    JoinOptions, exact=st.just(True), gap=positive
+)
 configs = st.builds(
     Config,
-    method=st.sampled_from(METHODS),
     read=st.dictionaries(st.text("abc_", min_size=1, max_size=6), scalars, max_size=3),
     loss=st.none() | st.builds(Loss, name=st.sampled_from(list(LOSSES)), scale=positive),
     split=st.builds(
         SplitOptions, poses_per_piece=st.none() | st.integers(2, 10**6), heading_sigma=st.none() | positive
     ),
-    join=st.builds(JoinOptions, order=st.sampled_from(list(ORDERS)), exact=st.booleans(), gap=positive),
     solver=st.builds(
         SolverOptions,
         rule=st.sampled_from(list(RULES)),
         max_iterations=st.integers(1, 10**6),
         decrement=positive,
     ),
+)
+configs = st.builds(replace, configs, join=joins) | st.builds(
+    replace, configs, method=st.sampled_from(METHODS), join=joins.filter(lambda join: not join.exact)
 )
 
 
@@ -81,6 +86,10 @@ def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
         ("[split]\nheading_sigma = 0", ["heading_sigma", "above 0"]),
         ("loss = 3", ["loss", "int"]),
         ("[zzz]\na = 1", ["zzz", "known are"]),
+        ("[loss]\nname = 'huber'\nscale = inf", ["scale", "inf"]),
+        ("[join]\ngap = nan", ["gap is above 0", "nan"]),
+        ('method = "full"\n[join]\nexact = true', ["full least squares is exact", "leave out"]),
+        ('[join]\nexact = true\norder = "tree"', ["all at once", "'tree'"]),
         ("method = = 3", ["not valid TOML", "line 1"]),
     ],
 )

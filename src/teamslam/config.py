@@ -18,6 +18,7 @@ that names the key and, for a misspelt one, the nearest key there is.
 """
 
 import difflib
+import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
@@ -48,7 +49,7 @@ class SplitOptions:
     def __post_init__(self) -> None:
         if self.poses_per_piece is not None and self.poses_per_piece < 2:
             raise InputError(f"a piece of a log needs at least 2 poses, found {self.poses_per_piece}")
-        if self.heading_sigma is not None and not self.heading_sigma > 0.0:
+        if self.heading_sigma is not None and not 0.0 < self.heading_sigma < math.inf:
             raise InputError(f"heading_sigma is an angle above 0, found {self.heading_sigma}")
 
 
@@ -65,8 +66,10 @@ class JoinOptions:
     def __post_init__(self) -> None:
         if self.order not in ORDERS:
             raise InputError(f"unknown order of joining '{self.order}'; choose one of {', '.join(ORDERS)}")
-        if not self.gap > 0.0 or self.max_rounds < 1:
+        if not 0.0 < self.gap < math.inf or self.max_rounds < 1:
             raise InputError(f"gap is above 0 and max_rounds at least 1, found {self.gap} and {self.max_rounds}")
+        if self.exact and self.order != "at once":
+            raise InputError(f"an exact join takes all at once; leave out exact, or the order '{self.order}'")
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,11 @@ class Config:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"unknown method '{self.method}'; choose one of {', '.join(METHODS)}", field="method")
+        if self.method == "full" and self.join.exact:
+            raise InputError(
+                "full least squares is exact and has no rounds; leave out --exact (exact = true), or the method",
+                field="method",
+            )
 
 
 def read_config(path: str | Path) -> Config:

@@ -1,7 +1,7 @@
 """The whole story in one page, in the paper's order:
 
 split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
--> how exact the join is -> covariances -> score against the truth, where there is one
+-> what the map costs, and how exact the join is -> covariances -> score against the truth, where there is one
 """
 
 import time
@@ -14,9 +14,20 @@ from typing import TypeVar
 
 from teamslam.config import Config
 from teamslam.errors import InputError
-from teamslam.joining import ORDERS, Joined, build, build_choices, exact_join, full, split, with_exactness
+from teamslam.joining import (
+    ORDERS,
+    Cost,
+    Joined,
+    build,
+    build_choices,
+    cost_of,
+    exact_join,
+    full,
+    split,
+    with_exactness,
+)
 from teamslam.metrics import Report, score
-from teamslam.model import Dataset, Sources, Submap
+from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options
 from teamslam.wire.pieces import write_pieces
@@ -32,8 +43,9 @@ DEFAULTS = Config()
 class Result:
     """A finished run: what went in, what came out, how long each stage took [s].
 
-    `map` is the first component: the one of the lowest robot; `covariances` has those of each. `report` is None where
-    no truth is known. `submaps` is empty for full least squares.
+    `map` is the first component: the one of the lowest robot. `covariances`, `costs` and `scores` have those of each;
+    a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
+    is empty for full least squares.
     """
 
     config: Config
@@ -41,7 +53,8 @@ class Result:
     submaps: tuple[Submap, ...]
     joined: Joined
     covariances: tuple[Covariances, ...]
-    report: Report | None
+    costs: tuple[Cost | None, ...]
+    scores: tuple[Report, ...]
     seconds: dict[str, float]
 
     @property
@@ -65,8 +78,8 @@ def run(
     Raises SolveError where a submap or map does not exist, InputError where workers are asked for what they cannot do;
     parts that cannot be joined are components of the result.
     """
-    if workers is not None and (config.method == "full" or config.join.exact):
-        raise InputError("workers join submaps by a tree; full least squares and exact joins run in one process")
+    if workers is not None:
+        refuse_workers(config)
     clock = Clock(progress)
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     submaps: tuple[Submap, ...] = ()
@@ -88,11 +101,29 @@ def run(
     if config.method == "join":
         clock.start("exactness")
         joined = with_exactness(joined, pairs(pieces, submaps))
+    clock.start("cost")
+    costs = tuple(cost_of(component.map, log.tables) for component in joined.components)
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     clock.start("score")
-    report = None if dataset.truth is None else score(joined.map, dataset.truth, covariances=covariances[0])
-    return Result(config, dataset, submaps, joined, covariances, report, clock.stop())
+    scores = scores_of(joined, covariances, dataset.truth)
+    return Result(config, dataset, submaps, joined, covariances, costs, scores, clock.stop())
+
+
+def refuse_workers(config: Config) -> None:
+    """Raise InputError for options that workers cannot follow."""
+    if config.method == "full" or config.join.exact:
+        raise InputError("workers join submaps by a tree; full least squares and exact joins run in one process")
+    if config.join.order != "at once":
+        raise InputError(f"workers join submaps by a tree of their own, not in the order '{config.join.order}'")
+
+
+def scores_of(joined: Joined, covariances: Sequence[Covariances], truth: Values | None) -> tuple[Report, ...]:
+    """Each component against the truth, each aligned by itself; nothing where no truth is known."""
+    if truth is None:
+        return ()
+    both = zip(joined.components, covariances, strict=True)
+    return tuple(score(component.map, truth, covariances=known) for component, known in both)
 
 
 def _pieces(log: Dataset, config: Config) -> list[Dataset]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from teamslam.cli import app
+from teamslam.cli.app import app
 
 COMMANDS = sorted(name for name in app if not name.startswith("-"))
 

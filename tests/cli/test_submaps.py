@@ -42,7 +42,7 @@ def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Pa
     assert ours["robot_position_rmse_m"] == pytest.approx(theirs["robot_position_rmse_m"], rel=1e-6)
     assert ours["exactness"] == pytest.approx(theirs["exactness"], rel=1e-6)
     assert ours["exactness"]["rounds"] == 1
-    assert ours["refused"] == ours["left_out"] == []
+    assert ours["refused"] == ours["without"] == []
     assert ours["input"] == str(tmp_path / "submaps")
 
 
@@ -118,7 +118,7 @@ def test_without_a_robot_it_is_as_if_it_had_never_been_there(teamslam, seen: Pat
     maps = [next((tmp_path / out / "maps").iterdir()).read_bytes() for out in ("without", "never")]
     assert maps[0] == maps[1]
     reports = [json.loads((tmp_path / out / "report.json").read_text()) for out in ("without", "never")]
-    assert [report["left_out"] for report in reports] == [[read_submaps(gone)[0].id], []]
+    assert [report["without"] for report in reports] == [[read_submaps(gone)[0].id], []]
     assert [report["robots"] for report in reports] == [2, 2]
 
 

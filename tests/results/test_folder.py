@@ -31,7 +31,7 @@ def test_a_run_survives_its_folder(result: Result, tmp_path: Path) -> None:
     assert again.truth is not None and written.truth is not None
     np.testing.assert_array_equal(again.truth.state, written.truth.state)
     np.testing.assert_array_equal(again.sightings, written.sightings)
-    assert repr(again.history) == repr(written.history) and again.costs == written.costs
+    assert repr(again.histories) == repr(written.histories) and again.costs == written.costs
     assert read_config(tmp_path / "run" / "config.toml") == result.config
 
 
@@ -79,21 +79,25 @@ def test_nothing_is_left_of_a_run_that_fails_half_way(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(folder, "_write_tum", full)
+    monkeypatch.setitem(folder.FILES, "tum", full)
     with pytest.raises(OSError, match="No space"):
         write_run(result, tmp_path / "run", figures=False)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_earlier_run_is_replaced_only_when_asked(result: Result, tmp_path: Path) -> None:
-    """And then whole; a failed replacement leaves the old one."""
+    """And then whole, but for what no run wrote: that is named, and nothing is touched."""
     write_run(result, tmp_path / "run", figures=False)
-    (tmp_path / "run" / "note.txt").write_text("mine")
+    (tmp_path / "run" / "figures").mkdir()
     with pytest.raises(InputError, match="--force"):
         write_run(result, tmp_path / "run", figures=False)
-    assert (tmp_path / "run" / "note.txt").exists()
+    assert (tmp_path / "run" / "figures").exists()
     write_run(result, tmp_path / "run", figures=False, replace=True)
-    assert not (tmp_path / "run" / "note.txt").exists()
+    assert {p.name for p in tmp_path.iterdir()} == {"run"} and not (tmp_path / "run" / "figures").exists()
+    (tmp_path / "run" / "note.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds note\.txt, which no run writes"):
+        write_run(result, tmp_path / "run", figures=False, replace=True)
+    assert (tmp_path / "run" / "note.txt").read_text() == "mine"
 
 
 def test_a_folder_that_is_no_run_is_never_replaced(result: Result, tmp_path: Path) -> None:

@@ -9,9 +9,8 @@ import pytest
 from teamslam.model import Kind
 from teamslam.results import Record
 from teamslam.results.tables import (
-    read_history,
-    submap_robots,
-    write_history,
+    read_histories,
+    write_histories,
     write_landmarks,
     write_team,
     write_trajectory_table,
@@ -37,7 +36,7 @@ def test_trajectories_hold_every_pose_with_its_covariance(record: Record, tmp_pa
     """In time order; the base pose is the frame and certain."""
     write_trajectory_table(record, tmp_path / "t.csv")
     rows, submap = rows_of(tmp_path / "t.csv"), record.maps[0]
-    keys = np.concatenate([submap.trajectory_keys(r) for r in submap_robots(submap)])
+    keys = np.concatenate([submap.trajectory_keys(r) for r in submap.robots_in_it])
     assert len(rows) == len(keys)
     for row, key in zip(rows, keys.tolist(), strict=True):
         pose = submap.all_values.pose(key)
@@ -68,15 +67,15 @@ def test_the_team_is_each_robots_first_pose(record: Record, tmp_path: Path) -> N
     """The transforms of the team, the frame's own among them, certain."""
     write_team(record, tmp_path / "team.csv")
     rows, submap = rows_of(tmp_path / "team.csv"), record.maps[0]
-    assert [int(r["robot"]) for r in rows] == submap_robots(submap)
-    for row, robot in zip(rows, submap_robots(submap), strict=True):
+    assert [int(r["robot"]) for r in rows] == list(submap.robots_in_it)
+    for row, robot in zip(rows, submap.robots_in_it, strict=True):
         first = submap.all_values.pose(int(submap.trajectory_keys(robot)[0]))
         np.testing.assert_allclose([float(row["x_m"]), float(row["y_m"])], first.translation[:2], atol=1e-12)
     assert not block_of(rows[0]).any() and block_of(rows[1]).any()
 
 
 def test_history_survives_its_file(record: Record, tmp_path: Path) -> None:
-    """read_history(write_history(h)) == h, field by field (nan included)."""
-    write_history(record.history, tmp_path / "h.csv")
-    again = read_history(tmp_path / "h.csv")
-    assert repr(again) == repr(record.history)
+    """read_histories(write_histories(h)) == h, field by field (nan included), a component without steps among them."""
+    histories = (record.histories[0], (), record.histories[0][:1])
+    write_histories(histories, tmp_path / "h.csv")
+    assert repr(read_histories(tmp_path / "h.csv", 3)) == repr(histories)

@@ -1,9 +1,5 @@
 """`teamslam`: the commands together, and what becomes of errors.
 
-    0  done
-    1  the estimate does not exist, did not converge, or parts of the team could not be joined
-    2  something is wrong with the input or the call
-
 An error that teamslam raises on purpose is one message on stderr; anything else is a bug, and shows its traceback.
 """
 
@@ -13,6 +9,7 @@ from cyclopts import App, CycloptsError
 
 from teamslam import __version__
 from teamslam.cli.build import build
+from teamslam.cli.codes import BAD_INPUT, DONE, PARTLY
 from teamslam.cli.console import complain
 from teamslam.cli.convert import convert
 from teamslam.cli.demo import demo
@@ -27,8 +24,6 @@ from teamslam.cli.simulate import simulate
 from teamslam.cli.split import split
 from teamslam.errors import SolveError, TeamslamError
 
-DONE, NOT_SOLVED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-
 HELP = """Several robots, one map: landmark SLAM for teams by submap joining.
 
 Start here:
@@ -41,7 +36,7 @@ teamslam run MRCLAM_Dataset6 --out map   # map, covariances, errors, figures
 
 Every command explains itself, with examples: `teamslam run --help`.
 
-Exit codes: 0 done; 1 not converged, or parts could not be joined; 2 bad input or usage.
+Exit codes: 0 done; 1 not converged, in parts, or something left out; 2 bad input or usage; 130 interrupted.
 """
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
@@ -49,7 +44,7 @@ for command in (demo, run, simulate, convert, info, score, plot, paper, split, b
     app.command(command)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def called(arguments: Sequence[str] | None) -> int:
     """Run one command and return its exit code; `arguments` None takes those of the process."""
     try:
         command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
@@ -58,13 +53,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except SolveError as error:
         complain(str(error))
-        return NOT_SOLVED
+        return PARTLY
     except TeamslamError as error:
         complain(str(error))
         return BAD_INPUT
+    except MemoryError as error:
+        complain(f"not enough memory: {error or 'the problem is too large for this machine'}")
+        return BAD_INPUT
+    except BrokenPipeError:
+        raise
     except OSError as error:
         complain(f"{error.filename or 'the output'}: {error.strerror or error}")
         return BAD_INPUT
-    except KeyboardInterrupt:
-        complain("interrupted; nothing was written")
-        return INTERRUPTED

@@ -44,7 +44,7 @@ def build(
     from teamslam.errors import InputError, SolveError
     from teamslam.io import write_submaps
     from teamslam.joining import build as build_submap
-    from teamslam.results.folder import refuse_to_overwrite, whole_folder
+    from teamslam.results import refuse_to_overwrite, whole_folder
 
     refuse_to_overwrite(out, replace=None)
     if version < 0:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -12,55 +12,79 @@ if TYPE_CHECKING:
 
 def stdout() -> "Console":
     """The console of results; as wide as it needs where nobody watches, so that piped tables are not cut."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=max(console.width, 160), soft_wrap=True)
+    console = _console()
+    return console if console.is_terminal else _console(width=10_000, soft_wrap=True)
 
 
 def stderr() -> "Console":
     """The console of progress and complaints."""
+    return _console(stderr=True)
+
+
+def _console(**options: Any) -> "Console":
+    """A console that prints words as they are: no markup, no emoji, no colours for numbers."""
     from rich.console import Console
 
-    return Console(stderr=True, highlight=False)
+    console = Console(highlight=False, markup=False, emoji=False, **options)
+    console.on_broken_pipe = _raise  # type: ignore[method-assign]
+    return console
+
+
+def _raise() -> None:
+    """Rich would end the process by itself where nobody reads any more; the command does that, with its own code."""
+    raise
+
+
+def printable(text: str) -> str:
+    """Words for a terminal: what would move its cursor or colour it shows its code; line breaks stay."""
+    return "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
+    )
 
 
 def say(text: str) -> None:
     """One line of result."""
-    stdout().print(text, markup=False)
+    stdout().print(printable(text))
 
 
 def complain(text: str) -> None:
     """One clear message on stderr."""
     console = stderr()
     console.print("teamslam:", style="bold red", end=" ")
-    console.print(text, markup=False, soft_wrap=True)
+    console.print(printable(text), soft_wrap=True)
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table of results; the first column is text, the others are numbers."""
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:
+    """A table of results; `left` columns are text, the others are numbers."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    grid = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    grid = Table(
+        title=Text(printable(title)), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
+    )
     for place, column in enumerate(columns):
-        grid.add_column(Text(column), justify="left" if place == 0 else "right")
+        grid.add_column(Text(column), justify="left" if place < left else "right")
     for row in rows:
-        grid.add_row(*map(Text, row))
+        grid.add_row(*(Text(printable(cell)) for cell in row))
     stdout().print(grid)
 
 
 def pairs(title: str, rows: Sequence[tuple[str, str]]) -> None:
-    """A list of names and what they are."""
-    from rich.table import Table
+    """A list of names and what they are; what is long goes on under itself where somebody watches."""
+    from textwrap import wrap
+
     from rich.text import Text
 
-    console, grid = stdout(), Table.grid(padding=(0, 2))
-    console.print(title, style="bold", markup=False)
+    console = stdout()
+    console.print(printable(title), style="bold")
+    column = max((len(name) for name, _ in rows), default=0) + 4
+    room = max(console.width - column, 20) if console.is_terminal else 10_000
     for name, value in rows:
-        grid.add_row(Text(f"  {name}", style="dim"), Text(value))
-    console.print(grid)
+        first, *more = wrap(printable(value), room) or [""]
+        console.print(Text(f"  {name}".ljust(column), style="dim") + Text(first), soft_wrap=True)
+        for line in more:
+            console.print(" " * column + line, soft_wrap=True)
 
 
 @contextmanager
@@ -69,8 +93,9 @@ def progress_bar(quiet: bool = False) -> Iterator["Progress"]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     console = stderr()
+    spinner = SpinnerColumn("dots" if console.encoding.startswith("utf") else "line")
     columns = (
-        SpinnerColumn(), TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        spinner, TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
     )  # fmt: skip
     with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
         tasks: dict[str, int] = {}

@@ -1,7 +1,6 @@
 """`teamslam join`: submap files in, one map out (Algorithm 2); bad submaps are refused and the rest is joined."""
 
 from pathlib import Path
-from shutil import rmtree
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -9,12 +8,14 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from teamslam.joining import Joined
-    from teamslam.model import Submap, Table, Values
+    from teamslam.joining import Component, Cost, Joined
+    from teamslam.model import Dataset, Submap, Table, Values
     from teamslam.pipeline import Clock, Progress
     from teamslam.results.record import Record
     from teamslam.scale import Workers
     from teamslam.team import Admission
+
+    Pairs = list[tuple[Dataset, Submap]]
 
 
 def join(
@@ -44,8 +45,7 @@ def join(
     teamslam join VicPark_200_local_maps --out map
     ```
 
-    Exit codes: 0 done; 1 some submaps were refused, not converged, or parts could not be joined; 2 bad input or
-    usage.
+    Exit codes: 0 done; 1 some submaps were refused, not converged, or in several parts; 2 bad input or usage.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def join(
         A log that holds the truth, to score the map against.
     pieces
         The pieces of log that the submaps were built of (`teamslam split`): a folder of them, or a file. With them the
-        report says how far the map is from the full least squares on the same measurements.
+        report says what the map costs, and how far it is from the full least squares on the same measurements.
     without
         A robot's name, whose submaps are all left out, or the id of one submap. May be given several times. The map is
         as if they had never been there.
@@ -74,16 +74,20 @@ def join(
     quiet
         Print nothing but errors.
     """
+    from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import complain, pairs, progress_bar, say
-    from teamslam.cli.options import workers_for
-    from teamslam.cli.words import outcome
+    from teamslam.cli.figures import drawn
+    from teamslam.cli.parts import parts_beside, workers_for
+    from teamslam.cli.sources import truth_in
+    from teamslam.cli.words import counted, outcome
     from teamslam.config import Config
     from teamslam.errors import InputError
-    from teamslam.results.folder import refuse_to_overwrite, whole_folder, write_record
+    from teamslam.results import refuse_to_overwrite, write_record
+    from teamslam.results.folder import OURS
     from teamslam.team import admit
     from teamslam.wire.pieces import piece_files
 
-    refuse_to_overwrite(out, replace=force)
+    refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[*maps, *(p for p in (truth, pieces) if p)])
     if not maps:
         raise InputError("name the submap files to join, or folders of them")
     if piece_files(maps):
@@ -95,77 +99,108 @@ def join(
         complain(f"refused: {refusal.name}: {refusal.reason}")
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
-    crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
-    origin = ", ".join(map(str, maps))
+    known = truth_in(truth) if truth is not None else None
+    beside = _pieces_of(admitted.good, pieces)
+    crew, pictured = workers_for(workers, cluster), True
     with progress_bar(quiet) as progress:
-        record = _joined(admitted, truth, pieces, crew, parts, origin, progress)
-        progress("writing", 0, 0)
-        with whole_folder(out) as draft:
-            write_record(record, Config(), draft, figures=figures)
-    if crew is not None:
-        rmtree(parts)
+        with parts_beside(out, crew) as parts:
+            record = _joined(admitted, known, beside, crew, parts, maps, progress)
+            progress("writing", 0, 0)
+            write_record(record, Config(), out)
+            progress("writing", 1, 1)
+        pictured = not figures or drawn(record, out, progress)
     if not quiet:
-        left = f", {len(admitted.left_out)} left out" if admitted.left_out else ""
-        pairs(f"{len(admitted.good)} submaps joined, {len(admitted.refused)} refused{left}", outcome(record.report))
-        say(f"written: {out}")
-    whole = record.report["converged"] and record.report["components"] == 1 and not admitted.refused
-    return 0 if whole else 1
+        left = f", {len(admitted.left_out)} left out by --without" if admitted.left_out else ""
+        title = f"{counted(len(admitted.good), 'submap')} joined, {len(admitted.refused)} refused{left}"
+        pairs(title, outcome(record.report))
+        say(f"written: {out}" + (f"; look at {out / 'figures' / 'map.png'} first" if figures and pictured else ""))
+    return max(code_of(record.report), DONE if pictured else PARTLY)
+
+
+def _pieces_of(submaps: "Sequence[Submap]", pieces: Path | None) -> "Pairs | None":
+    """Each submap with the piece of log it was built of, as far as they are there; None where none were named."""
+    from teamslam.cli.console import complain
+    from teamslam.cli.pieces import pieces_in
+    from teamslam.pipeline import pairs
+
+    if pieces is None:
+        return None
+    logs, damaged = pieces_in([pieces], None, None)
+    for reason in damaged:
+        complain(f"refused: {reason}")
+    return pairs(logs, submaps)
 
 
 def _joined(
     admitted: "Admission",
-    truth: Path | None,
-    pieces: Path | None,
+    truth: "Values | None",
+    pieces: "Pairs | None",
     workers: "Workers | None",
-    parts: Path,
-    origin: str,
+    parts: Path | None,
+    maps: "Sequence[Path]",
     progress: "Progress",
 ) -> "Record":
     """The run that joining these submaps is: what went in is what they hold."""
     from dataclasses import replace
 
-    from teamslam.cli.console import complain
-    from teamslam.cli.pieces import pieces_in
-    from teamslam.cli.sources import truth_in
     from teamslam.config import Config
     from teamslam.joining import join as join_submaps
     from teamslam.joining import with_exactness
-    from teamslam.metrics import score
     from teamslam.model import Dataset, robot_of
-    from teamslam.pipeline import Clock, Result, pairs
+    from teamslam.pipeline import Clock, Result, scores_of
     from teamslam.results.record import Record
     from teamslam.solver import Covariances
 
     clock = Clock(progress)
-    if workers is None:
+    if workers is None or parts is None:
         clock.start("joining submaps")
         joined = join_submaps(admitted.good)
     else:
         joined = _on_workers(admitted.good, workers, parts, clock)
-    if pieces is not None:
+    if pieces:
         clock.start("exactness")
-        logs, damaged = pieces_in([pieces], None, None)
-        for reason in damaged:
-            complain(f"no exactness: {reason}")
-        joined = with_exactness(joined, pairs(logs, admitted.good))
+        joined = with_exactness(joined, pieces)
+    costs = tuple(_cost(component, pieces or []) for component in joined.components)
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
     robots = {int(robot_of(key)): 2 + kind for key, kind in poses.items()}
     raw = tuple(_of_robots(table, robots) for submap in admitted.good for table in submap.raw)
-    known = None if truth is None else truth_in(truth)
-    team = Dataset(robots, raw, joined.map.names, known, origin=origin)
+    team = Dataset(robots, raw, joined.map.names, truth, origin=", ".join(map(str, maps)))
     clock.start("score")
-    report = None if known is None else score(joined.map, known, covariances=covariances[0])
-    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, report, clock.stop()))
+    scores = scores_of(joined, covariances, truth)
+    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, scores, clock.stop()))
     marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
     held = {
+        "inputs": [str(path) for path in maps],
         "poses": len(poses),
         "landmarks": len(marks),
+        "numbers_measured": None if None in costs else sum(piece.dof for piece, _ in pieces or []),
         "refused": [{"name": r.name, "reason": r.reason} for r in admitted.refused],
-        "left_out": list(admitted.left_out),
+        "without": list(admitted.left_out),
     }
+    if record.report["exactness"] is None and None in costs:
+        held["exactness_unknown"] = _lacking(pieces, len(admitted.good))
     return replace(record, report={**record.report, **held})
+
+
+def _cost(component: "Component", pieces: "Pairs") -> "Cost | None":
+    """What a component's map costs, None where some of its pieces are missing."""
+    from teamslam.joining import cost_of
+    from teamslam.model import Sources
+
+    sources = component.map.sources
+    here = [(piece, submap) for piece, submap in pieces if sources.overlap(submap.sources)]
+    if not here or Sources().merge(*(submap.sources for _, submap in here)) != sources:
+        return None
+    return cost_of(component.map, [table for piece, _ in here for table in piece.tables])
+
+
+def _lacking(pieces: "Pairs | None", submaps: int) -> str:
+    """Why nobody knows how exact the join is."""
+    if pieces is None:
+        return "unknown: the measurements are not at hand; --pieces brings them"
+    return f"unknown: among --pieces are those of {len(pieces)} of the {submaps} submaps only"
 
 
 def _of_robots(table: "Table", robots: "Mapping[int, int]") -> "Table":

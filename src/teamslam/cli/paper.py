@@ -39,16 +39,19 @@ def paper(
     import json
 
     from teamslam.cli.console import progress_bar, say
+    from teamslam.io.files.lines import write_text
     from teamslam.paper.figures import figures_of_paper
     from teamslam.paper.reproduction import reproduce
+    from teamslam.results.figures import save
 
+    out.mkdir(parents=True, exist_ok=True)  # before all the work: what cannot be written is known now
     with progress_bar() as progress:
         found = reproduce(runs, poses, seed, progress)
     say(str(found))
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "tables.txt").write_text(f"{found}\n", encoding="utf-8")
-    (out / "tables.json").write_text(json.dumps(found.to_dict(), indent=2) + "\n", encoding="utf-8")
-    for name, figure in figures_of_paper(found).items():
-        figure.savefig(out / f"{name}.png")
-    say(f"\nwritten: {out}: figure_2.png, figure_3.png, figure_4.png, tables.txt, tables.json")
+    write_text(out / "tables.txt", f"{found}\n")
+    write_text(out / "tables.json", json.dumps(found.to_dict(), indent=2) + "\n")
+    figures = figures_of_paper(found)
+    for name, figure in figures.items():
+        save(figure, out / f"{name}.png")
+    say(f"\nwritten: {out}: {', '.join(f'{name}.png' for name in figures)}, tables.txt, tables.json")
     return 1 if any(cell.failed for cell in found.cells) else 0

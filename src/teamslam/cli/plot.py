@@ -3,7 +3,7 @@
 from pathlib import Path
 
 
-def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int = 160) -> int:
+def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int | None = None) -> int:
     """Draw the figures of a run: map with ellipses and truth, convergence, errors over time, consistency.
 
     ```
@@ -22,18 +22,18 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int =
     type
         png, pdf or svg.
     dpi
-        Dots per inch of png files.
+        Dots per inch of png files, 160 without it.
     """
     from teamslam.cli.console import say
     from teamslam.errors import InputError
-    from teamslam.results import figures_of, read_run
+    from teamslam.results import draw_record, read_run
 
     if type not in ("png", "pdf", "svg"):
         raise InputError(f"unknown type of figure '{type}'; choose png, pdf or svg")
-    folder = out or run / "figures"
-    drawn = figures_of(read_run(run))
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in drawn.items():
-        figure.savefig(folder / f"{name}.{type}", dpi=dpi)
-        say(f"written: {folder / name}.{type}")
+    if dpi is not None and type != "png":
+        raise InputError(f"--dpi is for png; a figure in {type} has no dots")
+    if dpi is not None and not 20 <= dpi <= 1200:
+        raise InputError(f"--dpi is a number from 20 to 1200, found {dpi}")
+    for file in draw_record(read_run(run), out or run / "figures", type=type, dpi=dpi):
+        say(f"written: {file}")
     return 0

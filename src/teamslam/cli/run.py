@@ -1,7 +1,6 @@
 """`teamslam run`: a log in, a map with its errors and figures out."""
 
 from pathlib import Path
-from shutil import rmtree
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -39,7 +38,7 @@ def run(
     teamslam run many-robots --out large --workers 8
     ```
 
-    Exit codes: 0 done; 1 not converged, or parts of the team could not be joined; 2 bad input or usage.
+    Exit codes: 0 done; 1 not converged, in several parts, or something left out; 2 bad input or usage.
 
     Parameters
     ----------
@@ -75,28 +74,35 @@ def run(
     quiet
         Print nothing but errors.
     """
+    from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import pairs, progress_bar, say
-    from teamslam.cli.options import config_for, workers_for
+    from teamslam.cli.figures import drawn
+    from teamslam.cli.options import config_for
+    from teamslam.cli.parts import parts_beside, workers_for
     from teamslam.cli.words import outcome
     from teamslam.io import read
+    from teamslam.pipeline import refuse_workers
     from teamslam.pipeline import run as run_pipeline
-    from teamslam.results import write_run
-    from teamslam.results.folder import refuse_to_overwrite
+    from teamslam.results import refuse_to_overwrite, write_run
+    from teamslam.results.folder import OURS
+    from teamslam.viz.style import METHOD_NAMES
 
-    refuse_to_overwrite(out, replace=force)
+    refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[input])
     options = config_for(config, method=method, exact=exact, gap=gap, loss=loss, loss_scale=loss_scale)
-    crew, parts = workers_for(workers, cluster), out.with_name(f"{out.name}.parts")
+    crew = workers_for(workers, cluster)
+    if crew is not None:
+        refuse_workers(options)
     with progress_bar(quiet) as progress:
         progress("reading", 0, 0)
         dataset = read(input, format=format, **options.read)
         progress("reading", 1, 1)
-        result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
-        progress("writing", 0, 0)
-        record = write_run(result, out, replace=force, figures=figures)
-        if crew is not None:
-            rmtree(parts)
-        progress("writing", 1, 1)
+        with parts_beside(out, crew) as parts:
+            result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
+            progress("writing", 0, 0)
+            record = write_run(result, out, replace=force, figures=False)
+            progress("writing", 1, 1)
+        pictured = not figures or drawn(record, out, progress)
     if not quiet:
-        pairs(f"{input}: {options.method}", outcome(record.report))
-        say(f"written: {out}" + (f"; look at {out / 'figures' / 'map.png'} first" if figures else ""))
-    return 0 if result.joined.converged and len(result.joined.components) == 1 else 1
+        pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
+        say(f"written: {out}" + (f"; look at {out / 'figures' / 'map.png'} first" if figures and pictured else ""))
+    return max(code_of(record.report), DONE if pictured else PARTLY)

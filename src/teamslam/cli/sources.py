@@ -10,8 +10,7 @@ if TYPE_CHECKING:
 def maps_in(path: Path) -> "tuple[Submap, ...]":
     """The maps in a run folder or in a file of maps."""
     from teamslam.io import read_submaps
-    from teamslam.results import read_run
-    from teamslam.results.folder import is_run
+    from teamslam.results import is_run, read_run
 
     return read_run(path).maps if is_run(path) else tuple(read_submaps(path))
 
@@ -20,8 +19,7 @@ def truth_in(path: Path) -> "Values":
     """The truth in a log, or the map of another run. InputError where there is none."""
     from teamslam.errors import InputError
     from teamslam.io import read
-    from teamslam.results import read_run
-    from teamslam.results.folder import is_run
+    from teamslam.results import is_run, read_run
 
     if path.is_dir() and is_run(path):
         return read_run(path).maps[0].all_values

@@ -40,7 +40,7 @@ def split(
     """
     from teamslam.cli.console import say
     from teamslam.cli.pieces import pieces_of
-    from teamslam.results.folder import refuse_to_overwrite, whole_folder
+    from teamslam.results import refuse_to_overwrite, whole_folder
     from teamslam.wire.pieces import write_pieces
 
     refuse_to_overwrite(out, replace=None)

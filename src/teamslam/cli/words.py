@@ -1,56 +1,138 @@
-"""A report in words, for the screen."""
+"""A report in words, for the screen. Every sentence is true wherever it is printed."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from teamslam.results import Record
 
+Report = Mapping[str, Any]
+Rows = list[tuple[str, str]]
 
-def outcome(report: Mapping[str, Any]) -> list[tuple[str, str]]:
+UNSEEN = 1e-12  # of a cost, or of one sigma squared: what rounding hides
+
+
+def outcome(report: Report) -> Rows:
     """What a run came to, as names and values."""
-    rows = [
-        ("status", str(report["status"])),
-        ("cost", f"{report['cost']:.6g}  (chi2 {report['chi2']:.6g}, {report['dof']} degrees of freedom)"),
-        ("went in", f"{report['robots']} robots, {report['poses']} poses, {report['landmarks']} landmarks"),
-        ("robot position RMSE", metres(report["robot_position_rmse_m"])),
-        ("landmark RMSE", metres(report["landmark_rmse_m"])),
-        ("NEES / dof", number(report["nees_per_dof"])),
-        ("took", f"{report['seconds']:.2f} s, {report['iterations']} iterations"),
+    parts = report["parts"]
+    return [
+        ("status", report["status"]),
+        *_components(report),
+        *(("ambiguous", sentence) for sentence in report["ambiguities"]),
+        *_cost(report),
+        *([("exactness", exactness(report))] if report["method"] == "join" else []),
+        ("went in", counted(report["robots"], "robot", report["poses"], "pose", report["landmarks"], "landmark")),
+        *_dropped(report),
+        *_scores(report),
+        *([] if len(parts) == 1 else _parts(parts)),
+        ("took", f"{report['seconds']:.2f} s without reading and writing; {_steps(report)}"),
     ]
-    if report["dropped"]:
-        rows.insert(3, ("dropped", f"{report['dropped']} rows; `teamslam info` says why"))
-    if report["method"] == "join":
-        rows.insert(2, ("exactness", exactness(report["exactness"])))
-    rows[1:1] = [("ambiguous", sentence) for sentence in report.get("ambiguities", [])]
-    if report["components"] > 1:
-        rows.insert(1, ("components", f"{report['components']}: the team could not be joined into one map"))
-        rows[2:2] = [("", reason) for reason in report["reasons"]]
+
+
+def _components(report: Report) -> Rows:
+    if report["components"] == 1:
+        return []
+    said = f"{report['components']}: the team could not be joined into one map"
+    return [("components", said), *(("", reason) for reason in report["reasons"])]
+
+
+def _cost(report: Report) -> Rows:
+    """What the map costs, and what the join minimised in its place."""
+    dof = counted(report["dof"], "degree of freedom", plural="degrees of freedom")
+    bare = report["join_cost"]
+    if report["cost"] is None:
+        return [
+            ("cost", "unknown: not all of the measurements are at hand; --pieces brings them"),
+            ("cost of the join", f"{bare:.6g} by its own account, which takes each submap for a Gaussian ({dof})"),
+        ]
+    used, measured = report["numbers_used"], report["numbers_measured"]
+    which = "all" if used == measured else f"{used:,} of the"
+    chi2 = "" if report["chi2"] == report["cost"] else f"chi2 {report['chi2']:.6g}, "
+    rows = [("cost", f"{report['cost']:.6g} of {which} {measured:,} numbers measured ({chi2}{dof})")]
+    if bare is not None and abs(bare - report["cost"]) > 1e-6 * max(report["cost"], UNSEEN):
+        rows.append(("cost of the join", f"{bare:.6g} by its own account, which takes each submap for a Gaussian"))
     return rows
 
 
-def exactness(found: Mapping[str, Any] | None) -> str:
+def exactness(report: Report) -> str:
     """How far a join is from the full least squares, or why nobody knows."""
+    found, cost = report["exactness"], report["cost"] or 0.0
     if found is None:
-        return "unknown: the pieces of log are not at hand, or do not determine all"
-    gap, shift = f"{found['relative_cost_gap']:.2g}", f"{found['max_shift_sigma']:.2g}"
-    rounds = "1 round" if found["rounds"] == 1 else f"{found['rounds']} rounds"
-    return f"{gap} of the cost above full least squares, {shift} sigma at most; {rounds}, {found['bytes']:,} bytes"
+        return str(report["exactness_unknown"])
+    sent = f"; {counted(found['rounds'], 'round')}, {found['bytes']:,} bytes" if found["bytes"] else ""
+    decrease = found["gradient_norm"] ** 2
+    if decrease <= UNSEEN * max(cost, 1.0):
+        return f"the full least squares to rounding, {found['max_shift_sigma']:.1g} sigma at most{sent}"
+    above = f"{found['relative_cost_gap']:.2g} of the cost" if cost > 1.0 else f"a cost of {decrease:.2g}"
+    return f"about {above} above full least squares, {found['max_shift_sigma']:.2g} sigma at most{sent}"
 
 
-def metres(value: float | None) -> str:
-    """A length, or why there is none."""
-    return "unknown: no truth" if value is None else f"{value:.4f} m"
+def _dropped(report: Report) -> Rows:
+    if not report["dropped"]:
+        return []
+    reasons = (("", f"{dropped['count']}: {dropped['reason']}") for dropped in report["dropped_reasons"])
+    return [("dropped", f"{counted(report['dropped'], 'row')} by the reader"), *reasons]
 
 
-def number(value: float | None) -> str:
-    """A number, or why there is none."""
-    return "unknown: no truth" if value is None else f"{value:.3f}"
+def _scores(report: Report) -> Rows:
+    """Errors against the truth, each with what it rests on."""
+    compared, one = report["compared"], len(report["parts"]) == 1
+    if compared is None:
+        return [("errors", "unknown: no truth")]
+    if compared["note"] and not compared["poses"] and not compared["landmarks"]:
+        return [("errors", f"unknown: {compared['note']}")]
+    aligned = "" if one else ", each part aligned by itself"
+    rows = [
+        (
+            f"{name} RMSE",
+            _error(report[field], compared[what], sum(part[what] for part in report["parts"]), what) + aligned,
+        )
+        for name, field, what in (
+            ("robot position", "robot_position_rmse_m", "poses"),
+            ("landmark", "landmark_rmse_m", "landmarks"),
+        )
+    ]
+    if report["nees_per_dof"] is not None:
+        rows.append(("NEES / dof", f"{report['nees_per_dof']:.3f} (1 where the covariances are honest)"))
+    return rows
+
+
+def _error(value: float | None, known: int, of: int, what: str) -> str:
+    if value is None:
+        return f"none: there are no {what}" if not of else f"unknown: the truth knows none of the {of} {what}"
+    return f"{value:.4f} m" + ("" if known == of else f" over the {known} of {of} {what} that the truth knows")
+
+
+def _parts(parts: Sequence[Report]) -> Iterator[tuple[str, str]]:
+    """A line for each map of a team that came apart."""
+    for number, part in enumerate(parts, start=1):
+        cost = part["cost"] if part["cost"] is not None else part["join_cost"]
+        errors = [
+            f"{noun} RMSE {part[field]:.4f} m"
+            for noun, field in (("robots'", "robot_position_rmse_m"), ("landmarks'", "landmark_rmse_m"))
+            if part[field] is not None
+        ]
+        who = f"robot{'s' * (len(part['robots']) != 1)} {', '.join(part['robots'])}"
+        held = counted(part["poses"], "pose", part["landmarks"], "landmark")
+        yield f"part {number}", "; ".join([f"{who}: {held}", f"cost {cost:.6g}", *errors])
+
+
+def _steps(report: Report) -> str:
+    """How many steps what solve took."""
+    join = "of the join" if report["order"] == "at once" else "of the last join"
+    solve = "of full least squares" if report["method"] == "full" else "in rounds" if report["exact"] else join
+    return f"{counted(report['iterations'], 'step')} {solve}"
+
+
+def counted(*counts: Any, plural: str | None = None) -> str:
+    """Numbers with their nouns: counted(1, "robot", 2, "pose") is '1 robot, 2 poses'."""
+    pairs = zip(counts[::2], counts[1::2], strict=True)
+    return ", ".join(f"{count:,} {noun if count == 1 else plural or noun + 's'}" for count, noun in pairs)
 
 
 def comparison(records: "Mapping[str, Record]") -> tuple[list[str], list[list[str]]]:
     """Several runs on one log side by side: the columns and the rows of a table."""
-    columns = ["method", "cost", "robots' RMSE [m]", "landmarks' RMSE [m]", "NEES / dof", "iterations", "seconds"]
+    columns = ["method", "cost", "robots' RMSE [m]", "landmarks' RMSE [m]", "NEES / dof", "steps", "seconds"]
     rows = []
     for name, record in records.items():
         report = record.report
@@ -58,7 +140,7 @@ def comparison(records: "Mapping[str, Record]") -> tuple[list[str], list[list[st
         rows.append(
             [
                 name,
-                f"{report['cost']:.3f}",
+                "-" if report["cost"] is None else f"{report['cost']:.3f}",
                 *("-" if error is None else f"{error:.4f}" for error in errors),
                 str(report["iterations"]),
                 f"{report['seconds']:.2f}",

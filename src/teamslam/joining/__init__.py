@@ -2,12 +2,13 @@
 
 from teamslam.joining.build import build, build_alternatives, build_choices, build_with_solution, split
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
-from teamslam.joining.exact import exact_join, full, with_exactness
+from teamslam.joining.exact import Cost, cost_of, exact_join, full, with_exactness
 from teamslam.joining.join import ORDERS, Component, Exactness, Joined, join, join_by_tree, join_sequentially
 
 __all__ = [
     "ORDERS",
     "Component",
+    "Cost",
     "Exactness",
     "Interior",
     "Joined",
@@ -17,6 +18,7 @@ __all__ = [
     "build_with_solution",
     "condense",
     "condense_partially",
+    "cost_of",
     "exact_join",
     "expand",
     "full",

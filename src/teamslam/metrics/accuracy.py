@@ -72,8 +72,11 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """Errors of a map after one alignment of the whole team; None where there is nothing to compare."""
+    """Errors of a map after one alignment of the whole team; None where there is nothing to compare. `poses` and
+    `landmarks` are how many were compared."""
 
+    poses: int
+    landmarks: int
     robot_position_rmse_m: float | None
     robot_turn_rmse_rad: float | None
     landmark_rmse_m: float | None
@@ -89,6 +92,8 @@ def accuracy(aligned: Aligned, names: Names) -> Accuracy:
     poses, marks = keys[is_pose(keys)], keys[is_landmark(keys)]
     by_robot = {int(r): poses[robot_of(poses) == r] for r in np.unique(robot_of(poses))}
     return Accuracy(
+        poses=len(poses),
+        landmarks=len(marks),
         robot_position_rmse_m=_rmse(aligned.positions(poses)),
         robot_turn_rmse_rad=_rmse(aligned.turns(aligned.known_poses(poses))),
         landmark_rmse_m=_rmse(aligned.positions(marks)),

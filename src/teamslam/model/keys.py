@@ -85,6 +85,11 @@ class Names:
     landmarks: Mapping[int, str] = field(default_factory=dict)
     tick_s: float = 1e-6
 
+    @property
+    def counts(self) -> bool:
+        """True where poses are only counted, and no stamp is a time."""
+        return self.tick_s == 1.0
+
     def robot(self, number: int) -> str:
         """What people call a robot."""
         return self.robots.get(int(number), str(int(number)))
@@ -103,7 +108,7 @@ class Names:
             return "the world frame"
         if not is_pose(key):
             return f"landmark {self.landmark(int(index_of(key)))}"
-        when = f"{int(index_of(key)) * self.tick_s:.3f} s" if self.tick_s != 1.0 else f"pose {int(index_of(key))}"
+        when = f"pose {int(index_of(key))}" if self.counts else f"{int(index_of(key)) * self.tick_s:.3f} s"
         return f"robot {self.robot(int(robot_of(key)))} at {when}"
 
     def merge(self, others: Iterable["Names"]) -> "Names":

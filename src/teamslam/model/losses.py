@@ -44,7 +44,7 @@ class Loss:
     def __post_init__(self) -> None:
         if self.name not in LOSSES:
             raise InputError(f"unknown loss '{self.name}'; choose one of {', '.join(LOSSES)}")
-        if not self.scale > 0.0:
+        if not 0.0 < self.scale < np.inf:
             raise InputError(f"the scale of a loss is a positive number of sigmas, found {self.scale}")
 
     def cost(self, s: Array) -> Array:

@@ -123,6 +123,11 @@ class Submap:
         """The robots whose measurements it holds."""
         return tuple(sorted({stretch.robot for stretch in self.sources}))
 
+    @property
+    def robots_in_it(self) -> tuple[int, ...]:
+        """The robots that have a pose in it, rising."""
+        return tuple(int(robot) for robot in np.unique(robot_of(self.keys)) if robot > 0)
+
     @cached_property
     def all_values(self) -> Values:
         """The estimate with the base pose itself, which is the identity."""

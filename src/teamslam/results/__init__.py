@@ -1,7 +1,18 @@
 """Run folders: what a run leaves on disk, written whole or not at all, and read back to draw and compare."""
 
 from teamslam.results.figures import figures_of
-from teamslam.results.folder import read_run, write_run
+from teamslam.results.folder import draw_record, read_run, write_record, write_run
 from teamslam.results.record import Record
+from teamslam.results.whole import is_run, refuse_to_overwrite, whole_folder
 
-__all__ = ["Record", "figures_of", "read_run", "write_run"]
+__all__ = [
+    "Record",
+    "draw_record",
+    "figures_of",
+    "is_run",
+    "read_run",
+    "refuse_to_overwrite",
+    "whole_folder",
+    "write_record",
+    "write_run",
+]

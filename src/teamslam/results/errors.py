@@ -5,36 +5,51 @@ the error at the base is 0 and grows away from it, as the covariances say. (Scor
 instead.) Where the truth of the base is unknown, the whole team is aligned, and the bands are on the wide side.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from teamslam.metrics import align_team, truth_at_base
 from teamslam.metrics.frames import as_kinds
-from teamslam.model import Submap, Values
-from teamslam.results.tables import submap_robots
+from teamslam.model import WORLD, Submap, Values
 from teamslam.solver import Covariances
 from teamslam.viz import ErrorTrack
 
-LABELS = {3: ("x", "y", "heading"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}
+LABELS = {3: ("x", "y", "heading"), 6: ("x", "y", "z", "rx", "ry", "rz")}
 UNITS = {3: ("m", "m", "rad"), 6: ("m", "m", "m", "rad", "rad", "rad")}
 
 
-def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> list[ErrorTrack]:
-    """A track for each robot whose true poses are known; empty where nothing can be compared."""
-    true = truth_at_base(submap, truth)
-    true = truth_by_team(submap, truth) if true is None else true
-    start_s = float(min(submap.names.stamps_s(submap.trajectory_keys(r)[0]) for r in submap_robots(submap)))
-    tracks = (_track(submap, true, covariances, robot, start_s) for robot in submap_robots(submap))
-    return [track for track in tracks if track is not None]
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """A track for each robot whose true poses are known, and in words the frame that they are in."""
+
+    tracks: list[ErrorTrack]
+    frame: str
+
+
+def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> Tracks:
+    """The errors of all robots along their ways; no track where nothing can be compared."""
+    true, frame = truth_at_base(submap, truth), f"errors in the frame of {submap.names.describe(submap.base)}"
+    if submap.base == WORLD:
+        frame = "errors in the world frame, without any alignment"
+    if true is None:
+        true = truth_by_team(submap, truth)
+        frame = f"errors after one alignment of the team: no truth of {submap.names.describe(submap.base)}, the frame"
+    firsts = [submap.names.stamps_s(submap.trajectory_keys(r)[0]) for r in submap.robots_in_it]
+    start_s = float(min(firsts, default=np.float64(0.0)))
+    tracks = (_track(submap, true, covariances, robot, start_s) for robot in submap.robots_in_it)
+    return Tracks([track for track in tracks if track is not None], frame)
 
 
 def truth_by_team(submap: Submap, truth: Values) -> Values:
     """The truth of the map's variables in the frame of the map, by one rigid fit of the whole team.
 
-    Empty where the two have nothing in common.
+    Empty where the two have nothing in common, or too little to hold the fit.
     """
-    known = as_kinds(truth, submap.all_values.layout)
     aligned = align_team(submap, truth)
-    return known if aligned is None else known.transform(aligned.pose.inverse())
+    if aligned is None or not aligned.held:
+        return Values.of({})
+    return as_kinds(truth, submap.all_values.layout).transform(aligned.pose.inverse())
 
 
 def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int, start_s: float) -> ErrorTrack | None:

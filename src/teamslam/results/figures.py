@@ -1,38 +1,48 @@
 """The figures of a run, by name: map, convergence, errors, consistency; those that the run has data for."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from teamslam.geometry import Array
+from teamslam.io.files.whole import whole_file
 from teamslam.results.errors import error_tracks, truth_by_team
 from teamslam.results.record import Record
-from teamslam.results.tables import submap_robots
-from teamslam.viz import Scene, draw_consistency, draw_convergence, draw_errors, draw_map
+from teamslam.viz import Scene, draw_consistency, draw_convergence, draw_errors, draw_map, saved
 from teamslam.viz.style import METHOD_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+OBJECTIVES = {"join": "what joining adds to the cost of the submaps", "full": "cost (sum of losses)"}
+
 
 def figures_of(record: Record) -> "dict[str, Figure]":
     """New figures; nothing is saved. A map for each component; errors and consistency where the truth is known."""
     figures = {_numbered("map", n): draw_map(scene_of(record, n)) for n in range(len(record.maps))}
-    if record.costs:
-        figures["convergence"] = draw_convergence({headline(record): {record.method: record.costs}})
-    if record.truth is not None:
-        tracks = error_tracks(record.maps[0], record.truth, record.covariances[0])
-        if tracks:
-            figures["errors"] = draw_errors(tracks, caption=f"{headline(record)}; {errors_line(record)}")
-            figures["consistency"] = draw_consistency(tracks, caption=headline(record))
+    if any(record.costs):
+        figures["convergence"] = _convergence(record)
+    for n, submap in enumerate(record.maps):
+        found = None if record.truth is None else error_tracks(submap, record.truth, record.covariances[n])
+        if found is not None and found.tracks:
+            time = "pose" if submap.names.counts else "time since the start [s]"
+            look = {"time": time, "caption": f"{headline(record, n)}\n{found.frame}"}
+            figures[_numbered("errors", n)] = draw_errors(found.tracks, **look)
+            figures[_numbered("consistency", n)] = draw_consistency(found.tracks, **look)
     return figures
+
+
+def save(figure: "Figure", path: Path, *, dpi: float | None = None) -> None:
+    """Write a figure, whole or not at all, in the type that the path ends in. OSError names the file."""
+    with whole_file(path) as file:
+        saved(figure, file, type=path.suffix.removeprefix("."), dpi=dpi)
 
 
 def scene_of(record: Record, number: int) -> Scene:
     """The scene of one component's map, with regions of its landmarks and of the robots' first poses."""
     submap = record.maps[number]
-    starts = [int(submap.trajectory_keys(robot)[0]) for robot in submap_robots(submap)]
+    starts = [int(submap.trajectory_keys(robot)[0]) for robot in submap.robots_in_it]
     keys = np.array([k for k in [*submap.landmark_keys.tolist(), *starts] if k != submap.base], np.int64)
     regions: dict[int, Array] = dict(zip(keys.tolist(), record.covariances[number].blocks(keys), strict=True))
     return Scene(
@@ -41,26 +51,46 @@ def scene_of(record: Record, number: int) -> Scene:
         truth=None if record.truth is None else truth_by_team(submap, record.truth),
         sightings=record.sightings,
         method=record.method,
-        title=f"{headline(record)}" + (f", part {number + 1} of {len(record.maps)}" if len(record.maps) > 1 else ""),
-        caption=errors_line(record) if record.truth is not None else "",
+        title=headline(record, number),
+        caption=errors_line(record.report["parts"][number]),
     )
 
 
-def headline(record: Record) -> str:
-    """What was mapped, and how: 'MRCLAM_Dataset6: submap joining'."""
-    source = Path(str(record.report.get("input") or "")).name or "Team"
-    method = "exact submap joining" if record.report.get("exact") else METHOD_NAMES.get(record.method, record.method)
-    return f"{source[:1].upper()}{source[1:]}: {method}"
+def headline(record: Record, number: int = 0) -> str:
+    """What was mapped, and how: 'MRCLAM_Dataset6: submap joining'; of several components, which one."""
+    inputs = [Path(name).name for name in record.report.get("inputs") or [str(record.report.get("input") or "")]]
+    source = (inputs[0] or "team") + (f" and {len(inputs) - 1} more" if len(inputs) > 1 else "")
+    part = f", part {number + 1} of {len(record.maps)}" if len(record.maps) > 1 else ""
+    return f"{source}: {method_name(record)}{part}"
 
 
-def errors_line(record: Record) -> str:
-    """The RMSE of the run in words, after one rigid alignment of the whole team."""
+def method_name(record: Record) -> str:
+    """How the map was made, in words."""
+    return "exact submap joining" if record.report.get("exact") else METHOD_NAMES.get(record.method, record.method)
+
+
+def errors_line(report: "dict[str, Any]") -> str:
+    """The RMSE of a run or of one of its parts in words, after one rigid alignment of the whole team; '' for none."""
     parts = [
-        f"{name} {record.report[field]:.3f} m"
+        f"{name} {report[field]:.3f} m"
         for name, field in (("robots' positions", "robot_position_rmse_m"), ("landmarks", "landmark_rmse_m"))
-        if record.report.get(field) is not None
+        if report.get(field) is not None
     ]
-    return f"RMSE of {', of '.join(parts)}" if parts else ""
+    return f"RMSE of {', of '.join(parts)}, after one alignment" if parts else ""
+
+
+def _convergence(record: Record) -> "Figure":
+    """The last solve of each component that took one."""
+    several = len(record.maps) > 1
+    lines = {
+        f"part {number}" if several else method_name(record): costs
+        for number, costs in enumerate(record.costs, start=1)
+        if costs
+    }
+    exact = record.report.get("exact") or record.method == "full"
+    return draw_convergence(
+        {headline(record).partition(", part")[0]: lines}, objective=OBJECTIVES["full" if exact else "join"]
+    )
 
 
 def _numbered(name: str, number: int) -> str:

@@ -13,9 +13,8 @@ What is in it:
 
 import csv
 import json
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -25,54 +24,68 @@ import numpy as np
 from teamslam.config import Config, write_config
 from teamslam.errors import InputError
 from teamslam.io import read_submaps, write_submaps
-from teamslam.io.files.whole import beside
+from teamslam.io.files.whole import named
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.model import Layout, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
-from teamslam.results.figures import figures_of
+from teamslam.results.figures import figures_of, save
 from teamslam.results.record import Record
 from teamslam.results.tables import (
-    read_history,
-    write_history,
+    read_histories,
+    write_histories,
     write_landmarks,
     write_team,
     write_trajectory_table,
 )
+from teamslam.results.whole import refuse_to_overwrite, whole_folder
 from teamslam.solver import Covariances
-
-FIGURE_FORMAT = "png"
 
 
 def write_run(result: Result, folder: str | Path, *, replace: bool = False, figures: bool = True) -> Record:
-    """Write a finished run and return what was kept.
+    """Write a finished run and return what was kept. Figures come last, when all the rest is in its place.
 
-    Raises InputError where the folder is there already and not empty, unless it is a run folder to `replace`.
+    Raises InputError where the folder is there already and not empty, unless it is a run folder to `replace`; OSError
+    names the file that cannot be written.
     """
     folder = Path(folder)
-    refuse_to_overwrite(folder, replace=replace)
+    refuse_to_overwrite(folder, replace=replace, ours=OURS)
     record = Record.of(result)
-    with whole_folder(folder) as draft:
-        write_record(record, result.config, draft, figures=figures)
+    write_record(record, result.config, folder)
+    if figures:
+        draw_record(record, folder / "figures")
     return record
 
 
-def write_record(record: Record, config: Config, folder: Path, *, figures: bool = True) -> None:
-    """All files of a run, into an existing folder."""
-    write_submaps(record.maps, folder / "maps")
-    write_archive(record.maps[0], folder / "map.npz")
-    write_trajectory_table(record, folder / "trajectories.csv")
-    write_landmarks(record, folder / "landmarks.csv")
-    write_team(record, folder / "team.csv")
-    write_history(record.history, folder / "history.csv")
-    write_config(config, folder / "config.toml")
-    (folder / "report.json").write_text(json.dumps(record.report, indent=2) + "\n", encoding="utf-8")
-    _write_log(record, folder / "log.npz")
-    _write_tum(record, folder / "tum")
-    if figures:
-        (folder / "figures").mkdir()
-        for name, figure in figures_of(record).items():
-            figure.savefig(folder / "figures" / f"{name}.{FIGURE_FORMAT}")
+def write_record(record: Record, config: Config, folder: Path) -> None:
+    """All files of a run but its figures, into a new folder or in place of what is there."""
+    with whole_folder(folder) as draft:
+        write_config(config, draft / "config.toml")
+        for name, write in FILES.items():
+            with named(draft / name):
+                write(record, draft / name)
+
+
+def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float | None = None) -> list[Path]:
+    """The figures of a run, into its folder of figures or another; returns the files."""
+    files = []
+    for name, figure in figures_of(record).items():
+        files.append(folder / f"{name}.{type}")
+        save(figure, files[-1], dpi=dpi)
+    return files
+
+
+def _write_report(record: Record, path: Path) -> None:
+    path.write_text(json.dumps(known(record.report), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def known(report: Any) -> Any:
+    """A report as JSON can hold it: what is not finite is null."""
+    if isinstance(report, Mapping):
+        return {key: known(value) for key, value in report.items()}
+    if isinstance(report, list | tuple):
+        return [known(value) for value in report]
+    return None if isinstance(report, float) and not math.isfinite(report) else report
 
 
 def read_run(folder: str | Path) -> Record:
@@ -83,13 +96,14 @@ def read_run(folder: str | Path) -> Record:
             raise InputError(
                 f"no {name} in it; expected a run folder as `teamslam run INPUT --out DIR` writes", path=folder
             )
+    report = read_report(folder)
     truth, sightings = _read_log(folder / "log.npz")
+    maps = tuple(read_submaps(folder / "maps"))
     try:
-        history = read_history(folder / "history.csv")
+        histories = read_histories(folder / "history.csv", len(maps))
     except (ValueError, IndexError, csv.Error) as error:
         raise InputError(f"not a table of solver steps: {error}", path=folder / "history.csv") from None
-    maps = tuple(read_submaps(folder / "maps"))
-    return Record(maps, tuple(map(Covariances.of_map, maps)), truth, sightings, history, read_report(folder))
+    return Record(maps, tuple(map(Covariances.of_map, maps)), truth, sightings, histories, report)
 
 
 def read_report(folder: str | Path) -> dict[str, Any]:
@@ -101,48 +115,9 @@ def read_report(folder: str | Path) -> dict[str, Any]:
         raise InputError(f"not a report: {error}", path=path) from None
     if not isinstance(report, dict) or "method" not in report:
         raise InputError("not a report: no field 'method'", path=path)
+    if not isinstance(report.get("parts"), list):
+        raise InputError("written by another version of teamslam: no field 'parts'; run it again", path=path)
     return report
-
-
-def is_run(path: str | Path) -> bool:
-    """True for a folder that holds a run."""
-    return (Path(path) / "report.json").is_file() and (Path(path) / "maps").is_dir()
-
-
-# --- whole or not at all --------------------------------------------------------------------------------------------
-
-
-def refuse_to_overwrite(folder: Path, *, replace: bool | None) -> None:
-    """Raise InputError where writing to `folder` would destroy something that is not an earlier run.
-
-    `replace`: whether an earlier run may be replaced; None where the command knows no such thing.
-    """
-    if folder.is_dir() and any(folder.iterdir()):
-        if not replace:
-            cure = "choose another, or empty it" if replace is None else "choose another, or replace it with --force"
-            raise InputError(f"the output folder is not empty; {cure}", path=folder)
-        if not is_run(folder):
-            raise InputError("the output folder holds something that is no run; it is left alone", path=folder)
-    elif folder.exists() and not folder.is_dir():
-        raise InputError("the output is a file; expected a folder to make", path=folder)
-
-
-@contextmanager
-def whole_folder(folder: Path) -> Iterator[Path]:
-    """A draft folder that takes the place of `folder` once everything in it is written, and vanishes on any error."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        (draft := beside(folder)).mkdir()
-    except OSError as error:
-        raise InputError(f"the output folder cannot be made: {error.strerror or error}", path=folder) from None
-    try:
-        yield draft
-        if folder.exists():
-            shutil.rmtree(folder)
-        draft.replace(folder)
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
 
 
 # --- the log's part -------------------------------------------------------------------------------------------------
@@ -175,3 +150,18 @@ def _read_log(path: Path) -> tuple[Values | None, np.ndarray]:
 def _write_tum(record: Record, folder: Path) -> None:
     for number, submap in enumerate(record.maps):
         write_trajectories(submap.all_values, submap.names, folder if number == 0 else folder / f"part_{number + 1}")
+
+
+FILES: dict[str, Callable[[Record, Path], object]] = {
+    "maps": lambda record, path: write_submaps(record.maps, path),
+    "map.npz": lambda record, path: write_archive(record.maps[0], path),
+    "trajectories.csv": write_trajectory_table,
+    "landmarks.csv": write_landmarks,
+    "team.csv": write_team,
+    "history.csv": lambda record, path: write_histories(record.histories, path),
+    "log.npz": _write_log,
+    "tum": _write_tum,
+    "report.json": _write_report,
+}
+OURS = (*FILES, "config.toml", "figures")
+"""What a run writes; nothing else is ever replaced."""

@@ -1,6 +1,7 @@
 """What is kept of a run: enough to draw, score and compare it later without the log.
 
-`maps` holds one map for each component. `history` has the solver's steps in order. `report` is what report.json says.
+`maps` holds one map for each component, `histories` the steps of the last solve of each, in order. `report` is what
+report.json says.
 """
 
 from collections.abc import Mapping
@@ -24,20 +25,19 @@ class Record:
     covariances: tuple[Covariances, ...]
     truth: Values | None
     sightings: IntArray
-    history: tuple[Step, ...]
+    histories: tuple[tuple[Step, ...], ...]
     report: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, result: Result) -> "Record":
         """What to keep of a finished run."""
         components = result.joined.components
-        solution = components[0].solution
         return cls(
             maps=tuple(c.map for c in components),
             covariances=result.covariances,
             truth=result.dataset.truth,
             sightings=robot_sightings(result.dataset),
-            history=solution.history if solution else (),
+            histories=tuple(c.solution.history if c.solution else () for c in components),
             report=report_of(result),
         )
 
@@ -47,10 +47,12 @@ class Record:
         return str(self.report.get("method", "join"))
 
     @property
-    def costs(self) -> list[float]:
-        """The objective of the last solve, before it and after each step that was taken."""
-        taken = [step.cost for step in self.history if step.accepted]
-        return [*taken, float(self.report["objective"])] if taken else []
+    def costs(self) -> list[list[float]]:
+        """The objective of each component's last solve, before it and after each step that was taken; empty where
+        nothing was solved."""
+        ends = [float(part["objective"]) for part in self.report["parts"]]
+        taken = [[step.cost for step in history if step.accepted] for history in self.histories]
+        return [[*costs, end] if costs else [] for costs, end in zip(taken, ends, strict=True)]
 
 
 def robot_sightings(dataset: Dataset) -> IntArray:

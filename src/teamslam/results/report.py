@@ -1,74 +1,159 @@
-"""report.json: what a script wants to know of a run, one flat table; null where no truth exists.
+"""report.json: what a script wants to know of a run, one flat table; null where nobody knows.
 
 Its fields:
 
-    method, exact                  join or full; whether a join went on in rounds
+    method, exact, order           join or full; whether a join went on in rounds; else in which order it went
     converged, status              how it ended; `status` is a sentence
-    cost, chi2, dof                sum of losses; sum of squared whitened residuals (no factor 1/2, outliers in full);
-                                   rows - unknowns
-    objective                      of the last solve: of a join, what eq. (11) adds to the cost of the submaps
-    iterations, seconds            of the last solve; of the whole run
+    cost, chi2, dof                of all measurements at the map: sum of losses; sum of squared whitened residuals (no
+                                   factor 1/2, outliers in full); rows - unknowns. cost and chi2 are null where the
+                                   measurements themselves are not at hand, as in a join of files without their pieces
+    join_cost                      of a join that did not go on in rounds, what it minimised: the cost of the submaps
+                                   and what eq. (11) adds to it. Where submaps bend it is not what their map costs
+    numbers_measured, numbers_used how many numbers went in, and how many of them speak of variables of one component
+                                   alone, so that they are in dof and cost; null where the measurements are not at hand
+    iterations, seconds            of the last solve (of its components together); of the whole run, without reading
+                                   and writing
     components, reasons            maps that could not be joined to each other, and why
+    parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
+                                   name, how many `poses`, `landmarks` and `submaps`, and of each map alone status,
+                                   cost, errors and exactness by the same names as here; `objective` of its last solve
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
-    robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team
+    robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
+                                   of several components, each aligned by itself
+    compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
+                                   compared; null where there is no truth
     robots, poses, landmarks, dropped                         what went in
-    refused, left_out              of a join of files: submaps that were refused, with the reason; those not wanted
+    refused, without               of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of a join: how far it is from the full least squares on the same measurements (see
                                    teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
                                    squares itself, and where the pieces that submaps were built of are not at hand.
                                    Of several components the worst, and the bytes of all
+    exactness_unknown              why it is null; null where it is not, and for full least squares
 """
 
+import math
 import platform
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
-from teamslam.joining import Joined
+from teamslam.joining import Component, Cost
+from teamslam.metrics import Report
+from teamslam.model import Dataset
 from teamslam.pipeline import Result
 
+UNDETERMINED = "unknown: the measurements themselves do not determine every variable where the join ended"
 ALONE = "One submap, nothing to join."
 PACKAGES = ("teamslam", "numpy", "scipy")
 
 
 def report_of(result: Result) -> dict[str, Any]:
     """The report of a run, ready for JSON."""
-    joined, dataset, score = result.joined, result.dataset, result.report
-    maps = [c.map for c in joined.components]
-    solution = joined.components[0].solution
+    dataset, components = result.dataset, result.joined.components
+    scores = result.scores or (None,) * len(components)
+    bare = result.config.method == "join" and not result.config.join.exact
+    parts = [_part(*each, bare) for each in zip(components, result.costs, scores, strict=True)]
     return {
         "input": dataset.origin,
         "method": result.config.method,
         "exact": result.config.method == "join" and result.config.join.exact,
-        "converged": joined.converged,
-        "status": solution.status.value if solution else ALONE,
-        "cost": sum(m.cost for m in maps),
-        "chi2": sum(m.chi2 for m in maps),
-        "objective": solution.cost if solution else maps[0].cost,
-        "dof": sum(m.rows - m.dof for m in maps),
-        "iterations": solution.iterations if solution else 0,
+        "order": result.config.join.order,
+        "converged": result.joined.converged,
+        "status": _status(parts),
+        "cost": _total(parts, "cost"),
+        "chi2": _total(parts, "chi2"),
+        "dof": _total(parts, "dof"),
+        "join_cost": _total(parts, "join_cost"),
+        "numbers_measured": dataset.dof,
+        "numbers_used": _total(parts, "numbers_used"),
+        "iterations": _total(parts, "iterations"),
         "seconds": sum(result.seconds.values()),
-        "components": len(joined.components),
-        "reasons": list(joined.reasons),
-        "ambiguities": [sentence for c in joined.components for sentence in c.ambiguities],
-        "robot_position_rmse_m": score.robot_position_rmse_m if score else None,
-        "landmark_rmse_m": score.landmark_rmse_m if score else None,
-        "nees_per_dof": score.nees_per_dof if score else None,
+        "components": len(components),
+        "reasons": list(result.joined.reasons),
+        "ambiguities": [sentence for c in components for sentence in c.ambiguities],
+        **_errors(result.scores),
         "robots": len(dataset.robots),
         "poses": sum(len(keys) for keys in dataset.pose_keys.values()),
         "landmarks": len(dataset.landmark_keys),
-        "dropped": sum(d.count for d in dataset.dropped),
-        "dropped_reasons": [{"count": d.count, "reason": d.reason} for d in dataset.dropped],
-        "exactness": _exactness(joined),
+        **_dropped(dataset),
+        "exactness": (found := _exactness(parts)),
+        "exactness_unknown": None if found or result.config.method == "full" else UNDETERMINED,
         "submaps": len(result.submaps),
+        "parts": parts,
         "stages_s": dict(result.seconds),
         "seed": None,  # no step of a run draws random numbers
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
     }
 
 
-def _exactness(joined: Joined) -> dict[str, float] | None:
-    known = [asdict(c.exactness) for c in joined.components if c.exactness is not None]
-    if len(known) < len(joined.components):
+def _part(component: Component, cost: Cost | None, score: Report | None, bare: bool) -> dict[str, Any]:
+    """One component's own report; `bare`: a join that did not go on in rounds."""
+    map, solution = component.map, component.solution
+    return {
+        "robots": [map.names.robot(robot) for robot in map.robots_in_it],
+        "poses": sum(len(map.trajectory_keys(robot)) for robot in map.robots_in_it),
+        "landmarks": len(map.landmark_keys),
+        "submaps": len(component.members),
+        "converged": solution is None or solution.converged,
+        "status": solution.status.value if solution else ALONE,
+        "cost": cost.cost if cost else None,
+        "chi2": cost.chi2 if cost else None,
+        "dof": map.rows - map.dof,
+        "join_cost": map.cost if bare else None,
+        "numbers_used": cost.rows if cost else None,
+        "objective": solution.cost if solution else map.cost,
+        "iterations": solution.iterations if solution else 0,
+        **_errors(() if score is None else (score,)),
+        "exactness": asdict(component.exactness) if component.exactness else None,
+    }
+
+
+def _status(parts: Sequence[dict[str, Any]]) -> str:
+    """How all parts ended, in one sentence where they ended alike."""
+    found = [part["status"] for part in parts]
+    if len(set(found)) == 1:
+        return str(found[0]) if len(found) == 1 or found[0] != ALONE else "One submap each, nothing to join."
+    return " ".join(f"Part {number}: {sentence}" for number, sentence in enumerate(found, start=1))
+
+
+def _total(parts: Sequence[dict[str, Any]], name: str) -> Any:
+    """A number of all parts together; None where that of one is unknown."""
+    found = [part[name] for part in parts]
+    return None if any(value is None for value in found) else sum(found)
+
+
+def _errors(scores: Sequence[Report]) -> dict[str, Any]:
+    """Errors against the truth, of several components together, each aligned by itself."""
+    scored = [s.accuracy for s in scores if s.accuracy]
+    nees = [s.consistency.nees for s in scores if s.consistency]
+    dof = sum(found.dof for found in nees)
+    notes = dict.fromkeys(s.note for s in scores if s.note)
+    compared = {"poses": sum(a.poses for a in scored), "landmarks": sum(a.landmarks for a in scored)}
+    return {
+        "robot_position_rmse_m": _pooled([(a.poses, a.robot_position_rmse_m) for a in scored]),
+        "landmark_rmse_m": _pooled([(a.landmarks, a.landmark_rmse_m) for a in scored]),
+        "nees_per_dof": sum(found.value for found in nees) / dof if dof > 0 else None,
+        "compared": {**compared, "note": "; ".join(notes)} if scores else None,
+    }
+
+
+def _pooled(roots: Sequence[tuple[int, float | None]]) -> float | None:
+    """The root of the mean square over several groups, from how many each has and its own."""
+    known = [(count, root) for count, root in roots if root is not None]
+    total = sum(count for count, _ in known)
+    return math.sqrt(sum(count * root**2 for count, root in known) / total) if total else None
+
+
+def _dropped(dataset: Dataset) -> dict[str, Any]:
+    return {
+        "dropped": sum(d.count for d in dataset.dropped),
+        "dropped_reasons": [{"count": d.count, "reason": d.reason} for d in dataset.dropped],
+    }
+
+
+def _exactness(parts: Sequence[dict[str, Any]]) -> dict[str, float] | None:
+    known = [part["exactness"] for part in parts]
+    if any(found is None for found in known):
         return None
     return {name: (sum if name == "bytes" else max)(each[name] for each in known) for name in known[0]}

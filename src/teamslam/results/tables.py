@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.geometry import Array, Pose, lift_tangent
-from teamslam.model import Kind, Submap, index_of, robot_of
+from teamslam.model import Kind, Submap, index_of
 from teamslam.results.record import Record
 from teamslam.solver import Covariances, Step
 
@@ -33,7 +33,7 @@ def write_trajectory_table(record: Record, path: Path) -> None:
 
     def rows() -> Iterator[list[Any]]:
         for number, submap, covariances in _components(record):
-            for robot in submap_robots(submap):
+            for robot in submap.robots_in_it:
                 keys = submap.trajectory_keys(robot)
                 stamps = submap.names.stamps_s(keys)
                 poses = submap.all_values.poses_of(keys, dim)
@@ -71,7 +71,7 @@ def write_team(record: Record, path: Path) -> None:
 
     def rows() -> Iterator[list[Any]]:
         for number, submap, covariances in _components(record):
-            for robot in submap_robots(submap):
+            for robot in submap.robots_in_it:
                 key = int(submap.trajectory_keys(robot)[0])
                 numbers = _pose_numbers(submap.all_values.poses_of(np.array([key]), dim))[0].tolist()
                 stamp = f"{float(submap.names.stamps_s(np.array(key))):.6f}"
@@ -82,33 +82,37 @@ def write_team(record: Record, path: Path) -> None:
     _write(path, header, rows())
 
 
-def write_history(history: Sequence[Step], path: Path) -> None:
-    """The solver's steps, a row a step."""
-    header = ("step", "cost", "decrement_sigma", "step_norm", "damping", "accepted", "seconds")
-    rows = ([n, s.cost, s.decrement, s.step_norm, s.damping, int(s.accepted), s.seconds] for n, s in enumerate(history))
+def write_histories(histories: Sequence[Sequence[Step]], path: Path) -> None:
+    """The solver's steps, a row a step, component by component."""
+    header = ("component", "step", "cost", "decrement_sigma", "step_norm", "damping", "accepted", "seconds")
+    rows = (
+        [number, n, s.cost, s.decrement, s.step_norm, s.damping, int(s.accepted), s.seconds]
+        for number, history in enumerate(histories, start=1)
+        for n, s in enumerate(history)
+    )
     _write(path, header, rows)
 
 
-def read_history(path: Path) -> tuple[Step, ...]:
-    """The steps that `write_history` wrote."""
+def read_histories(path: Path, components: int) -> tuple[tuple[Step, ...], ...]:
+    """The steps that `write_histories` wrote, of so many components."""
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.reader(file))[1:]
-    return tuple(
+    steps = [
         Step(
-            cost=float(row[1]),
-            decrement=float(row[2]),
-            step_norm=float(row[3]),
-            damping=float(row[4]),
-            accepted=row[5] == "1",
-            seconds=float(row[6]),
+            cost=float(row[2]),
+            decrement=float(row[3]),
+            step_norm=float(row[4]),
+            damping=float(row[5]),
+            accepted=row[6] == "1",
+            seconds=float(row[7]),
         )
         for row in rows
+    ]
+    owners = [int(row[0]) for row in rows]
+    return tuple(
+        tuple(step for step, owner in zip(steps, owners, strict=True) if owner == number)
+        for number in range(1, components + 1)
     )
-
-
-def submap_robots(submap: Submap) -> list[int]:
-    """Robots with a pose in a map, rising."""
-    return [int(r) for r in np.unique(robot_of(submap.keys)) if r > 0]
 
 
 # --- parts of a row -------------------------------------------------------------------------------------------------

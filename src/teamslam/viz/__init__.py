@@ -1,9 +1,10 @@
 """Figures: records in, matplotlib figures out; never shown or saved here. matplotlib is imported when one is drawn."""
 
-from teamslam.viz.curves import ErrorTrack, draw_consistency, draw_convergence, draw_errors
+from teamslam.viz.convergence import draw_convergence
+from teamslam.viz.errors import ErrorTrack, draw_consistency, draw_errors
 from teamslam.viz.maps import draw_map, draw_maps, plan_axes
 from teamslam.viz.scene import Scene, shape_of
-from teamslam.viz.style import robot_colour, styled
+from teamslam.viz.style import robot_colour, saved, styled
 
 __all__ = [
     "ErrorTrack",
@@ -15,6 +16,7 @@ __all__ = [
     "draw_maps",
     "plan_axes",
     "robot_colour",
+    "saved",
     "shape_of",
     "styled",
 ]

@@ -18,7 +18,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
-from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, robot_colour, styled
+from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, name, plain, robot_colour, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,8 +41,10 @@ def draw_map(scene: Scene) -> "Figure":
         axes = figure.add_subplot()
         plan_axes(axes, scene)
     method = METHOD_NAMES.get(scene.method, scene.method)
-    figure.suptitle(scene.title or f"Map of {len(scene.robots)} robots by {method}", x=0.01, ha="left")
-    axes.set_title(scene.caption or frame_name(scene), loc="left", fontsize=8.5, fontweight="normal", color=INK)
+    who = f"{len(scene.robots)} robot" + "s" * (len(scene.robots) != 1)
+    figure.suptitle(plain(scene.title or f"Map of {who} by {method}"), x=0.01, ha="left")
+    caption = "\n".join(filter(None, (scene.caption, frame_name(scene))))
+    axes.set_title(plain(caption, 240), loc="left", fontsize=8.5, fontweight="normal", color=INK)
     handles, labels = legend_entries(axes)
     if scene.is_spatial:
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
@@ -66,19 +68,19 @@ def draw_maps(scenes: Mapping[str, Scene], title: str, *, columns: int = 2) -> "
     figure = Figure(figsize=(0.4 + 4.6 * columns, 0.7 + 5.2 * rows), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     kinds: dict[str, Any] = {}
-    for axes, (name, scene) in zip(grid, scenes.items(), strict=False):
+    for axes, (heading, scene) in zip(grid, scenes.items(), strict=False):
         plan_axes(axes, scene)
         times = scene.magnification(2) if scene.covariances else 1
         lines = [scene.caption, f"{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else ""]
-        axes.set_title("\n".join(lines), fontsize=8.0, fontweight="normal", color=INK)
-        axes.annotate(name, (0, 1), xycoords="axes fraction", xytext=(0, 9 + 11 * len(lines)), fontweight="bold",
-                      textcoords="offset points", fontsize=9.5)  # fmt: skip
+        axes.set_title(plain("\n".join(lines), 240), fontsize=8.0, fontweight="normal", color=INK)
+        axes.annotate(plain(heading), (0, 1), xycoords="axes fraction", xytext=(0, 9 + 11 * len(lines)),
+                      fontweight="bold", textcoords="offset points", fontsize=9.5)  # fmt: skip
         handles, labels = legend_entries(axes)
         common = zip(labels, handles, strict=True)
         kinds |= {label.split(",\ndrawn")[0]: handle for label, handle in common if not label.startswith("robot ")}
     for axes in grid[len(scenes) :]:
         axes.set_visible(False)
-    figure.suptitle(title, x=0.01, ha="left")
+    figure.suptitle(plain(title), x=0.01, ha="left")
     figure.legend(kinds.values(), kinds.keys(), loc="outside lower center", ncols=min(len(kinds), 6))
     return figure
 
@@ -92,7 +94,7 @@ def plan_axes(axes: "Axes", scene: Scene) -> None:
         few = len(path) <= 40
         axes.plot(*scene.true_path(robot, 2).T, color=TRUTH_COLOUR, lw=0.7, ls=(0, (4, 2)), alpha=0.7, zorder=2)
         axes.plot(*path.T, color=colour, lw=1.3 if few else 0.9, marker="o" if few else None, ms=3.2, alpha=0.9,
-                  zorder=3, label=f"robot {scene.map.names.robot(robot)}")  # fmt: skip
+                  zorder=3, label=f"robot {name(scene.map.names.robot(robot))}")  # fmt: skip
         axes.plot(*path[-1], marker="s", ms=4.5, color=colour, mec="white", mew=0.6, zorder=5)
         _frame(axes, scene, robot, colour)
         _region(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
@@ -115,7 +117,7 @@ def frame_name(scene: Scene) -> str:
 def legend_entries(axes: Any) -> tuple[list[Any], list[str]]:
     """Legend entries, the robots first."""
     handles, labels = axes.get_legend_handles_labels()
-    order = sorted(range(len(labels)), key=lambda i: not labels[i].startswith("robot ") or "sighting" in labels[i])
+    order = sorted(range(len(labels)), key=lambda i: not labels[i].startswith("robot "))
     return [handles[i] for i in order], [labels[i] for i in order]
 
 

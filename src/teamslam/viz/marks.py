@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.viz.scene import CONFIDENCE, Scene
-from teamslam.viz.style import INK, LANDMARK_COLOUR, QUIET, TRUTH_COLOUR
+from teamslam.viz.style import INK, LANDMARK_COLOUR, QUIET, TRUTH_COLOUR, name
 
 MOST_SIGHTINGS = 120  # lines drawn: more are thinned evenly, as they would hide the map
 MOST_LABELS = 40  # landmarks named: more would write over each other
@@ -19,7 +19,7 @@ def draw_sightings(axes: Any, scene: Scene, dim: int) -> None:
     ends = scene.map.all_values.positions(pairs, dim)  # (n, 2, dim)
     broken = np.concatenate([ends, np.full((len(ends), 1, dim), np.nan)], 1).reshape(-1, dim)
     some = f"\n(1 in {step} drawn)" if step > 1 else ""
-    axes.plot(*broken.T, color=QUIET, lw=0.5, alpha=0.5, zorder=1, label=f"robot sightings{some}")
+    axes.plot(*broken.T, color=QUIET, lw=0.5, alpha=0.5, zorder=1, label=f"sighting of a robot{some}")
 
 
 def draw_landmarks(axes: Any, scene: Scene, dim: int) -> None:
@@ -37,7 +37,7 @@ def draw_landmarks(axes: Any, scene: Scene, dim: int) -> None:
                   zorder=7, label="landmark, truth")  # fmt: skip
     if not many and dim == 2:
         for key, place in zip(keys, places, strict=True):
-            axes.annotate(scene.map.names.landmark(int(key)), place, xytext=(7, 6), textcoords="offset points",
+            axes.annotate(name(scene.map.names.landmark(int(key))), place, xytext=(7, 6), textcoords="offset points",
                           fontsize=7.5, color=LANDMARK_COLOUR, zorder=9)  # fmt: skip
 
 
@@ -47,9 +47,9 @@ def explain(axes: Any, scene: Scene, dim: int) -> None:
     def entry(label: str, **look: Any) -> None:
         axes.plot(*np.zeros((dim, 0)), label=label, **look)
 
-    if scene.truth is not None:
+    if any(len(scene.true_path(robot, dim)) for robot in scene.robots):
         entry("true path", color=TRUTH_COLOUR, lw=0.8, ls=(0, (4, 2)))
-    if scene.covariances:
+    if scene.has_regions(dim):
         times = scene.magnification(dim)
         enlarged = f",\ndrawn {times} times larger" if times > 1 else ""
         entry(f"{CONFIDENCE:.0%} region{enlarged}", ls="none", marker="o", ms=9, mfc="none", mec=LANDMARK_COLOUR)

@@ -30,10 +30,9 @@ class Scene:
     caption: str = ""
 
     @property
-    def robots(self) -> list[int]:
+    def robots(self) -> tuple[int, ...]:
         """Robots with a pose in the map, in order."""
-        found = np.unique(robot_of(self.map.keys))
-        return [int(r) for r in found if r > 0]
+        return self.map.robots_in_it
 
     @property
     def is_spatial(self) -> bool:
@@ -69,6 +68,11 @@ class Scene:
             block[:d, :d] = np.asarray(self.covariances[key])[:d, :d]
             found.append((self.map.all_values.positions(np.array(key), dim), block))
         return found
+
+    def has_regions(self, dim: int) -> bool:
+        """Whether any region is drawn: of landmarks, and seen from above of the robots' starts too."""
+        starts = [] if dim > 2 else [self.map.trajectory_keys(robot)[0] for robot in self.robots]
+        return any(int(key) in self.covariances for key in (*self.map.landmark_keys, *starts))
 
     def extent(self, dim: int) -> float:
         """The longest side of the map [m]."""

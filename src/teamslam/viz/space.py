@@ -7,7 +7,7 @@ import numpy as np
 from teamslam.geometry import Array
 from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import Scene, shape_of
-from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, robot_colour
+from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, name, robot_colour
 
 
 def space_axes(axes: Any, scene: Scene) -> None:
@@ -16,7 +16,7 @@ def space_axes(axes: Any, scene: Scene) -> None:
     for order, robot in enumerate(scene.robots):
         colour, path = robot_colour(order), scene.path(robot, 3)
         axes.plot(*scene.true_path(robot, 3).T, color=TRUTH_COLOUR, lw=0.7, ls=(0, (4, 2)), alpha=0.7)
-        axes.plot(*path.T, color=colour, lw=1.1, label=f"robot {scene.map.names.robot(robot)}")
+        axes.plot(*path.T, color=colour, lw=1.1, label=f"robot {name(scene.map.names.robot(robot))}")
         axes.plot(*path[:1].T, ls="none", marker="o", ms=5, color=colour, mec="white", mew=0.6)
         axes.plot(*path[-1:].T, ls="none", marker="s", ms=4.5, color=colour, mec="white", mew=0.6)
     draw_landmarks(axes, scene, 3)

@@ -4,10 +4,14 @@ Figures are made on matplotlib's `Figure` itself, not through pyplot: nothing is
 display is needed. The caller saves what a function returns.
 """
 
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -77,7 +81,31 @@ def styled(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def style() -> AbstractContextManager[None]:
-    """The style as a context, for saving figures too: `with style(): figure.savefig(path)`."""
+    """The style as a context."""
     import matplotlib
 
     return matplotlib.rc_context(RC)
+
+
+def saved(figure: "Figure", file: BinaryIO, *, type: str = "png", dpi: float | None = None) -> None:
+    """Write a figure into an open file: png, pdf or svg, with `dpi` dots per inch or as many as the style has.
+
+    A letter that the font lacks is drawn as a box, without a word.
+    """
+    with style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        figure.savefig(file, format=type, dpi=RC["savefig.dpi"] if dpi is None else dpi)
+
+
+def plain(text: str, most: int = 120) -> str:
+    """Words as matplotlib writes them: a dollar is a dollar and no formula, what cannot be printed shows its code, and
+    what is too long loses its middle. Line breaks stay."""
+    shown = "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+    if len(shown) > most:
+        shown = f"{shown[: most // 2]}...{shown[-(most // 2) :]}"
+    return shown.replace("$", r"\$")
+
+
+def name(text: str) -> str:
+    """What people call a robot or a landmark, in one line of a label."""
+    return plain(text.replace("\n", r"\n"), most=30)

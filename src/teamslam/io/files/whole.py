@@ -18,13 +18,28 @@ def beside(path: Path) -> Path:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A draft that takes the place of `path` at the end, and vanishes on any error. Its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """A draft that takes the place of `path` at the end, and vanishes on any error. Its folder is made.
+
+    An OSError names `path`.
+    """
     draft = beside(path)
+    with named(path, draft):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with draft.open("xb") as file:
+                yield file
+            os.replace(draft, path)
+        except BaseException:
+            draft.unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def named(path: Path, draft: Path | None = None) -> Iterator[None]:
+    """An OSError inside that names no file, as one of a full disk, or the draft of this one, names `path`."""
     try:
-        with draft.open("xb") as file:
-            yield file
-        os.replace(draft, path)
-    except BaseException:
-        draft.unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        if error.filename is None or error.filename == str(draft):
+            error.filename, error.filename2 = str(path), None
         raise
