@@ -84,8 +84,8 @@ def test_a_file_of_no_known_format_lists_the_formats(tmp_path: Path) -> None:
 
 
 def test_an_unknown_format_lists_the_formats(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"(?s)unknown format 'toro'.*g2o"):
-        read(tmp_path, format="toro")
+    with pytest.raises(InputError, match=r"(?s)unknown format 'tolo'.*g2o"):
+        read(tmp_path, format="tolo")
 
 
 def test_a_format_that_is_only_read_is_not_written(tmp_path: Path) -> None:

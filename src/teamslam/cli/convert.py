@@ -18,6 +18,7 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     g2o      a graph (.g2o), or a folder with one for each robot
     jrl      JSON robot log (.jrl)
     pyfg     PyFG factor graph (.pyfg)
+    toro     TORO and iSAM graphs (.graph, .txt)              (read only)
     mrclam   UTIAS MRCLAM data sets                           (read only)
     islsjf   Victoria Park's clean log, runs of I-SLSJF       (read only)
     ```
@@ -45,8 +46,10 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     left_out = write(dataset, output, to)
     rows = sum(len(t) for t in dataset.tables)
     say(f"written: {output}: {len(dataset.robots)} robots, {rows} measurements")
+    for note in dataset.notes:
+        say(f"read: {note}")
     for dropped in dataset.dropped:
         say(f"dropped in reading: {dropped.count} rows: {dropped.reason}")
     for dropped in left_out:
-        say(f"no place for it in the output: {dropped.count}: {dropped.reason}")
+        say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
     return 0

@@ -36,6 +36,7 @@ def info(input: Path, /, *, format: str | None = None) -> int:
             ("poses", f"{sum(found.poses.values())}"),
             ("landmarks", f"{found.landmarks}"),
             ("truth", "yes" if found.has_truth else "no"),
+            *(("read", note) for note in dataset.notes),
             ("dropped", f"{sum(d.count for d in dataset.dropped)} rows"),
             *(("", f"{d.count}: {d.reason}") for d in dataset.dropped),
         ],

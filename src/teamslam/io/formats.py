@@ -1,8 +1,9 @@
 """FORMATS: logs that teamslam reads and writes, by name. SUBMAP_FORMATS: the same for files of submaps.
 
 Adding a format is adding a row: a module with `sniff(path) -> bool`, `read(path, options) -> Dataset` and, where it
-writes, `write(dataset, path) -> tuple[Dropped, ...]`, which returns what the format has no place for and refuses with
-an InputError what cannot be left out. Modules are imported when they are used.
+writes, `write(dataset, path) -> tuple[Dropped, ...]`, which returns what the format has no place for, and
+`lacks(dataset) -> str | None`, which says what cannot be left out and cannot be written. Modules are imported when they
+are used.
 """
 
 from collections.abc import Sequence
@@ -37,6 +38,7 @@ FORMATS: dict[str, Format] = {
     ),
     "pyfg": Format("teamslam.io.graphs.pyfg", "PyFG factor graph (.pyfg)", (".pyfg",)),
     "g2o": Format("teamslam.io.graphs.g2o", "g2o graph (.g2o), or a folder with one for each robot", (".g2o",)),
+    "toro": Format("teamslam.io.graphs.toro", "TORO and iSAM graphs (.graph, .txt)", (".graph",), writes=False),
     "jrl": Format("teamslam.io.graphs.jrl", "JSON robot log (.jrl)", (".jrl",)),
 }
 
@@ -60,10 +62,17 @@ def read(path: str | Path, format: str | None = None, **options: object) -> Data
 def write(dataset: Dataset, path: str | Path, format: str | None = None) -> tuple[Dropped, ...]:
     """Writes the measurements in the format named or told by the path's ending (a path without one: plain).
 
-    Returns what the format has no place for. Raises InputError where it cannot hold a measurement.
+    Returns what the format has no place for, and what was said in other words. Raises InputError where it cannot hold
+    a measurement, and names the formats that hold them all.
     """
     path = Path(path)
     row = _row_to_write(FORMATS, path, format, "plain")
+    problem: str | None = row.function("lacks")(dataset)
+    if problem is not None:
+        able = [name for name, other in FORMATS.items() if other.writes and other.function("lacks")(dataset) is None]
+        raise InputError(
+            f"{problem}; of the formats that teamslam writes, {' and '.join(able)} can hold all of this log"
+        )
     losses: tuple[Dropped, ...] = row.function("write")(dataset, path) or ()
     return losses
 

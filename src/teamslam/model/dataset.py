@@ -34,7 +34,7 @@ class Dataset:
 
     `robots` maps each robot's number to the dimension it moves in (2 or 3). Every pose that a table names belongs to
     one of them (ModelError otherwise). `truth` and `initial` are partial: values of some of the same keys, in any one
-    frame. `dropped` says what the reader left out.
+    frame. `dropped` says what the reader left out, `notes` in words how it understood what can be read in several ways.
     """
 
     robots: dict[int, int]
@@ -43,6 +43,7 @@ class Dataset:
     truth: Values | None = None
     initial: Values | None = None
     dropped: tuple[Dropped, ...] = ()
+    notes: tuple[str, ...] = ()
     origin: str = ""
 
     def __post_init__(self) -> None:

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from strategies import dims, generators, random_poses
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, Pose
-from teamslam.io.graphs.charts import (
-    chart,
+from teamslam.io.graphs.charts import chart, inverse_chart
+from teamslam.io.graphs.information import (
     covariance_of_whitening,
     information_of_whitening,
-    inverse_chart,
     whitening_of_information,
 )
 from teamslam.model import MODELS, pack, whitening
@@ -87,7 +87,27 @@ def test_whitening_from_information_and_from_covariance_agree(rng: np.random.Gen
     assert np.allclose(covariance_of_whitening(w) @ information, np.eye(3), atol=1e-9)
 
 
-@pytest.mark.parametrize("matrix", [np.diag([1.0, -1.0]), np.zeros((2, 2)), np.ones((2, 2))])
-def test_information_that_determines_nothing_is_refused(matrix: Array) -> None:
-    with pytest.raises(ModelError, match="information 1 is not positive definite"):
+@given(generators, st.integers(1, 5))
+def test_information_with_directions_of_zero_is_kept_as_it_is(rng: np.random.Generator, rank: int) -> None:
+    scale = 10.0 ** rng.uniform(-6, 6, 6)  # metres beside microradians
+    root = rng.normal(size=(3, rank, 6)) * scale
+    information = root.swapaxes(1, 2) @ root
+    w = whitening_of_information(np.concatenate([information, spd(rng, 1, 6)]))
+    assert np.allclose(information_of_whitening(w[:3]), information, rtol=1e-9, atol=1e-12 * scale * scale[:, None])
+    assert ((w[:3] == 0.0).all(2).sum(1) == 6 - rank).all()  # rows of zeros for what it says nothing about
+
+
+def test_information_that_is_zero_says_nothing() -> None:
+    assert not whitening_of_information(np.zeros((1, 3, 3))).any()
+
+
+def test_a_direction_of_zero_may_come_out_negative_by_what_was_printed() -> None:
+    printed = np.array([[100.0, 33.3334], [33.3334, 11.1111]])
+    assert np.linalg.eigvalsh(printed)[0] < 0.0
+    assert np.allclose(information_of_whitening(whitening_of_information(printed[None]))[0], printed, rtol=1e-5)
+
+
+@pytest.mark.parametrize("matrix", [np.diag([1.0, -1.0]), np.array([[1.0, 1.1], [1.1, 1.0]]), np.diag([1e6, -1e-6])])
+def test_information_that_is_negative_in_a_direction_is_refused(matrix: Array) -> None:
+    with pytest.raises(ModelError, match="information 1 is negative in a direction"):
         whitening_of_information(np.stack([np.eye(2), matrix]))

@@ -218,9 +218,9 @@ def test_damage_is_named(name: str, tmp_path: Path) -> None:
 def test_what_jrl_cannot_say_is_refused(tmp_path: Path) -> None:
     found = read(written(tmp_path, LOG))
     keys = found.tables[2].keys
-    point = Table(1, "landmarks", "point", 2, keys, np.ones((1, 2)), np.eye(2)[None], np.array([9]))
-    with pytest.raises(InputError, match=r"no word for landmarks \(point, 2D, POSE2 to POINT2\)"):
-        write(found.with_tables([point]), tmp_path / "out.jrl")
+    bearing = Table(1, "landmarks", "bearing", 2, keys, np.ones((1, 1)), np.eye(1)[None], np.array([9]))
+    with pytest.raises(InputError, match=r"no word for landmarks \(bearing, 2D, POSE2 to POINT2\)"):
+        write(found.with_tables([bearing]), tmp_path / "out.jrl")
 
 
 @given(damaged_text(json.dumps(LOG, indent=1)))

@@ -123,7 +123,6 @@ DAMAGE = {
     "strange key": (GRAPH.replace("A0 A1", "A0 robot"), "line 5, field 'key': expected a letter and a count"),
     "landmark for a pose": (GRAPH.replace("A0 A1", "A0 L1"), "line 5, field 'key': expected the key of a pose"),
     "pose for a landmark": (GRAPH.replace("A0 L6", "A0 B6"), "line 6, field 'key': expected the key of a landmark"),
-    "twice": (GRAPH + "VERTEX_XY L6 2 2\n", "line 11, field 'key': vertex L6 stands twice"),
     "to itself": (GRAPH.replace("A0 A1", "A0 A0"), "line 5, field 'key': the measurement goes from A0 to itself"),
     "no stamp": (GRAPH.replace("EDGE_SE2 10.5", "EDGE_SE2 noon"), "line 5, field 't': expected a number"),
     "count too large": (GRAPH.replace("B4 3", f"B{2**60} 3"), "field 'key': expected a letter and a count"),

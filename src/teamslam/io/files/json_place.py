@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from teamslam.errors import InputError
-from teamslam.io.files.lines import LARGEST
+from teamslam.io.files.records import LARGEST
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ relation is exact.) So covariance = A covariance' A' and information = A^-T info
 
 import numpy as np
 
-from teamslam.errors import ModelError
 from teamslam.geometry import Array
 
 
@@ -33,35 +32,3 @@ def inverse_chart(values: Array, dim: int, half_angle: bool = False) -> Array:
     a[:, range(dim, a.shape[1]), range(dim, a.shape[1])] **= -1
     a[:, :dim, :dim] = np.swapaxes(a[:, :dim, :dim], 1, 2).copy()
     return a
-
-
-def whitening_of_information(information: Array) -> Array:
-    """W (m, r, r), lower triangular, with W'W = information.
-
-    ModelError for a matrix that is not positive definite, naming the first row at fault.
-    """
-    symmetric = 0.5 * (information + np.swapaxes(information, 1, 2))
-    eigenvalues = np.linalg.eigvalsh(symmetric)
-    bad = eigenvalues[:, 0] <= 1e-14 * np.maximum(eigenvalues[:, -1], 1e-300)
-    if bad.any():
-        first = int(np.flatnonzero(bad)[0])
-        raise ModelError(
-            f"information {first} is not positive definite (smallest eigenvalue {eigenvalues[first, 0]:.3g}); "
-            f"every direction of the measurement needs information above zero"
-        )
-    # Cholesky from the last row up: J information J = L L' with J the reversal, so W = J L' J is lower triangular.
-    factor = np.linalg.cholesky(symmetric[:, ::-1, ::-1])
-    return np.ascontiguousarray(np.swapaxes(factor, 1, 2)[:, ::-1, ::-1])
-
-
-def information_of_whitening(whitening: Array) -> Array:
-    """W'W, exactly symmetric."""
-    information = np.swapaxes(whitening, -1, -2) @ whitening
-    return np.asarray(0.5 * (information + np.swapaxes(information, -1, -2)))
-
-
-def covariance_of_whitening(whitening: Array) -> Array:
-    """(W'W)^-1, exactly symmetric."""
-    root = np.linalg.inv(whitening)
-    covariance = root @ np.swapaxes(root, -1, -2)
-    return np.asarray(0.5 * (covariance + np.swapaxes(covariance, -1, -2)))

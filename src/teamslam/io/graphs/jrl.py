@@ -23,19 +23,20 @@ from typing import Any
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.geometry import Array
 from teamslam.io.files.delimited import read_text
 from teamslam.io.files.json_place import Json
 from teamslam.io.files.options import options_of
-from teamslam.io.graphs.graph import Edge, matching, robots_of, tables_of, values_of
+from teamslam.io.graphs.edges import Edges, matching, robots_of, tables_of, values_of, whitened
 from teamslam.io.graphs.jrl_factors import FACTORS, KINDS, Factor
 from teamslam.io.graphs.jrl_noise import covariance_here
 from teamslam.io.graphs.jrl_values import bearing_range, pose_or_point, scalar
-from teamslam.io.graphs.jrl_writer import NOTE, write
+from teamslam.io.graphs.jrl_writer import NOTE, lacks, write
 from teamslam.io.graphs.naming import names_in
 from teamslam.io.graphs.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
 from teamslam.model import Dataset, Dropped, Kind, Names, Values, landmark_key, pose_key, robot_of, whitening
 
-__all__ = ["Options", "read", "sniff", "write"]
+__all__ = ["Options", "lacks", "read", "sniff", "write"]
 
 
 @dataclass(frozen=True)
@@ -93,13 +94,12 @@ class _Content:
             symbol
             for factor, place in factors
             for symbol, kind in zip(_symbols(factor, place), factor.ends, strict=True)
-            if not kind.is_pose
+            if not kind.is_pose or split_symbol(symbol)[0] == LOWER_FIRST.landmark
         )
-        edges = [self._edge(factor, place) for factor, place in factors]
-        letters = {k: str(LOWER_FIRST.letter(k)) for edge in edges for k in robot_of(np.array(edge.keys)).tolist() if k}
-        robots = robots_of(edges, letters)
-        tables = tables_of(edges, lambda model, dim, values, covariance: whitening(covariance))
-        dataset = Dataset(robots, tables, self._names(letters), origin=origin)
+        edges = self._edges(factors)
+        seen = np.unique(robot_of(np.concatenate([part.keys.ravel() for part in edges])))
+        letters = {robot: str(LOWER_FIRST.letter(robot)) for robot in seen.tolist() if robot}
+        dataset = Dataset(robots_of(edges, letters), tables_of(edges), self._names(letters), origin=origin)
         truth, no_truth = matching(self._values("groundtruth"), dataset)
         initial, no_initial = matching(self._values("initialization"), dataset)
         counts = [
@@ -147,34 +147,39 @@ class _Content:
             raise labels.error("a label is a pair: the entry's number, the measurement's number")
         return {(pair[0], pair[1]) for pair in pairs}
 
-    def _edge(self, factor: Factor, place: Json) -> Edge:
-        """One factor as an edge."""
+    def _edges(self, factors: Sequence[tuple[Factor, Json]]) -> list[Edges]:
+        """The factors, those of each model and dimension together."""
+        found: dict[tuple[str, int, int], list[tuple[int, Factor, Json]]] = {}
+        for order, (factor, place) in enumerate(factors):
+            found.setdefault((factor.model, factor.dim, len(factor.ends)), []).append((order, factor, place))
+        return [self._together(rows) for rows in found.values()]
+
+    def _together(self, rows: Sequence[tuple[int, Factor, Json]]) -> Edges:
+        """Factors of one model and dimension."""
+        factor, places = rows[0][1], [place for _, _, place in rows]
+        keys = np.array([self._keys(other, place) for _, other, place in rows], np.int64)
+        values = np.array([_value(factor, place) for place in places])
+        noise = [covariance_here(_covariance(factor, p), v, factor.model, factor.dim)
+                 for p, v in zip(places, values, strict=True)]  # fmt: skip
+
+        def fail(row: int, problem: str) -> InputError:
+            return places[row].error(problem)
+
+        order, body = np.array([order for order, _, _ in rows]), np.full(len(rows), -1)
+        return Edges(
+            factor.model, factor.dim, keys, values, whitened(whitening, np.stack(noise), fail), order, body, fail
+        )
+
+    def _keys(self, factor: Factor, place: Json) -> tuple[int, ...]:
         keys = tuple(self._key(*end, place) for end in zip(_symbols(factor, place), factor.ends, strict=True))
         if len(set(keys)) != len(keys):
             raise place.error("the factor goes from a variable to itself")
-        measured = place.get("prior" if len(keys) == 1 else "measurement")
-        value: tuple[float, ...]
-        if factor.model == "range":
-            value = (scalar(measured),)
-            if value[0] < 0.0:
-                raise measured.error(f"a range is not negative, found {value[0]}")
-        elif factor.model == "range_bearing":
-            value = bearing_range(measured, factor.dim)
-        else:
-            value = pose_or_point(measured, factor.value_kind)
-        rows = factor.rows
-        numbers = [number.number() for number in place.get("covariance").elements()]
-        if len(numbers) != rows * rows:
-            raise place.get("covariance").error(
-                f"expected {rows * rows} numbers (a matrix {rows} x {rows}, row by row), found {len(numbers)}"
-            )
-        covariance = covariance_here(np.array(numbers).reshape(rows, rows), np.array(value), factor.model, factor.dim)
-        return Edge(factor.model, factor.dim, keys, value, covariance, place)
+        return keys
 
     def _key(self, symbol: int, kind: Kind, place: Json) -> int:
-        if not kind.is_pose:
-            return int(landmark_key(self.marks[symbol]))
         letter, count = split_symbol(symbol)
+        if not kind.is_pose or letter == LOWER_FIRST.landmark:
+            return int(landmark_key(self.marks[symbol]))
         robot = LOWER_FIRST.robot(letter)
         if robot is None or not fits(count):
             raise place.error(f"the key {symbol} is no robot's pose: its top byte should be a letter (but L)")
@@ -184,14 +189,38 @@ class _Content:
         """Poses and landmarks of all robots; other types of values are of no use here."""
         if not self.root.has(name):
             return None
-        rows: dict[int, tuple[Kind, Sequence[float]]] = {}
+        rows: dict[Kind, dict[int, Sequence[float]]] = {}
         for _, robot in self.root.get(name).items():
             for symbol, place in _keyed(robot):
                 kind = KINDS.get(place.get("type").text())
-                if kind is None or (not kind.is_pose and symbol not in self.marks):
+                of_landmark = kind is not None and (not kind.is_pose or split_symbol(symbol)[0] == LOWER_FIRST.landmark)
+                if kind is None or (of_landmark and symbol not in self.marks):
                     continue
-                rows[self._key(symbol, kind, place)] = (kind, pose_or_point(place, kind))
-        return values_of(rows)
+                rows.setdefault(kind, {})[self._key(symbol, kind, place)] = pose_or_point(place, kind)
+        return values_of((kind, np.array(list(of)), np.array(list(of.values()))) for kind, of in rows.items())
+
+
+def _value(factor: Factor, place: Json) -> tuple[float, ...]:
+    """What a factor measured, as a row of MODELS."""
+    measured = place.get("prior" if len(factor.ends) == 1 else "measurement")
+    if factor.model == "range":
+        found = scalar(measured)
+        if found < 0.0:
+            raise measured.error(f"a range is not negative, found {found}")
+        return (found,)
+    if factor.model == "range_bearing":
+        return bearing_range(measured, factor.dim)
+    return pose_or_point(measured, factor.value_kind)
+
+
+def _covariance(factor: Factor, place: Json) -> Array:
+    rows = factor.rows
+    numbers = [number.number() for number in place.get("covariance").elements()]
+    if len(numbers) != rows * rows:
+        raise place.get("covariance").error(
+            f"expected {rows * rows} numbers (a matrix {rows} x {rows}, row by row), found {len(numbers)}"
+        )
+    return np.array(numbers).reshape(rows, rows)
 
 
 def _symbols(factor: Factor, place: Json) -> list[int]:

@@ -1,6 +1,7 @@
 """Variables that files name by a letter and a count ('a12'), as text or as the 64-bit symbols of GTSAM.
 
-    symbol = letter << 56 | count
+    symbol         = letter << 56 | count
+    labelled symbol = letter << 56 | robot's letter << 48 | count
 
 Robots are numbered by their letter's place in the alphabet of the format, so that a robot has the same number in every
 file; one letter is kept for landmarks.
@@ -9,10 +10,13 @@ file; one letter is kept for landmarks.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
+from teamslam.geometry import IntArray
 from teamslam.model import landmark_number
 from teamslam.model.keys import MAX_INDEX
 
-COUNT_BITS = 56
+COUNT_BITS, LABEL_BITS = 56, 48
 LOWER, UPPER = "abcdefghijklmnopqrstuvwxyz", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -31,6 +35,19 @@ class Alphabet:
         """The letter of a robot's number; None where the alphabet ends before."""
         return self.robots[robot - 1] if 1 <= robot <= len(self.robots) else None
 
+    def lacks(self, robots: Iterable[int], place: str) -> str | None:
+        """Which robot's letter a place lacks, in words; None where all have one."""
+        without = [robot for robot in sorted(robots) if self.letter(robot) is None]
+        if not without:
+            return None
+        return f"robot {without[0]} has no letter in {place}, which end at {len(self.robots)} robots"
+
+    def numbers(self, letters: IntArray) -> IntArray:
+        """The robots' numbers of letters given as character codes (n,); 0 where one is no robot's."""
+        lookup = np.zeros(256, np.int64)
+        lookup[[ord(letter) for letter in self.robots]] = np.arange(1, len(self.robots) + 1)
+        return np.asarray(lookup[np.clip(letters, 0, 255)])
+
 
 LOWER_FIRST = Alphabet(LOWER + UPPER.replace("L", ""), "L")  # GTSAM's symbols in g2o and JRL files: robots a, b, c
 UPPER_FIRST = Alphabet(UPPER.replace("L", "") + LOWER, "L")  # PyFG: robots A, B, C
@@ -41,6 +58,20 @@ def split_symbol(symbol: int) -> tuple[str, int]:
     top = symbol >> COUNT_BITS
     letter = chr(top) if 33 <= top < 127 else ""
     return letter, symbol & ((1 << COUNT_BITS) - 1) if letter else symbol
+
+
+def split_symbols(symbols: IntArray) -> tuple[IntArray, IntArray]:
+    """The letters (n,) of poses' symbols as character codes, 0 for plain numbers, and their counts (n,).
+
+    Of a labelled symbol ('x' of robot 'B'), the letter is the robot's.
+    """
+    top = symbols >> COUNT_BITS
+    lettered = (top >= 33) & (top < 127)
+    counts = np.where(lettered, symbols & ((1 << COUNT_BITS) - 1), symbols)
+    label = (counts >> LABEL_BITS) & 255
+    labelled = lettered & (label >= ord("A")) & (label <= ord("z"))
+    letters = np.where(labelled, label, np.where(lettered, top, 0))
+    return letters, np.where(labelled, counts & ((1 << LABEL_BITS) - 1), counts)
 
 
 def join_symbol(letter: str, count: int) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
 from teamslam.io.files.delimited import read_columns
-from teamslam.io.files.lines import text_of, write_text
+from teamslam.io.files.text import text_of, write_text
 from teamslam.model import Names, Values, is_pose, robot_of
 
 FIELDS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")

@@ -14,6 +14,6 @@ was; a table that mixes landmarks and robots comes back as two.
 """
 
 from teamslam.io.plain.reader import read, sniff
-from teamslam.io.plain.writer import write
+from teamslam.io.plain.writer import lacks, write
 
-__all__ = ["read", "sniff", "write"]
+__all__ = ["lacks", "read", "sniff", "write"]

@@ -72,6 +72,11 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
     return ()
 
 
+def lacks(dataset: Dataset) -> str | None:
+    """What the plain format cannot hold of a log: nothing."""
+    return None
+
+
 # --- measurements -------------------------------------------------------------------------------------------------
 
 

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from teamslam.errors import InputError
 from teamslam.geometry import Array
 from teamslam.io.files.delimited import read_text
-from teamslam.io.files.lines import text_of, write_text
 from teamslam.io.files.mat import whole
+from teamslam.io.files.text import text_of, write_text
 from teamslam.io.submaps.localmaps import check_definite, numbered, rates, submap_of
 from teamslam.model import Dropped, Kind, Submap, index_of, is_pose, point_kind, pose_kind, robot_of
 
