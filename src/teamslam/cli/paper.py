@@ -39,7 +39,7 @@ def paper(
     import json
 
     from teamslam.cli.console import progress_bar, say
-    from teamslam.io.files.lines import write_text
+    from teamslam.io.files.text import write_text
     from teamslam.paper.figures import figures_of_paper
     from teamslam.paper.reproduction import reproduce
     from teamslam.results.figures import save
