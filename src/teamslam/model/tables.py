@@ -1,8 +1,8 @@
 """Measurements are tables: many sightings of one kind by one robot, with their noise.
 
-Noise is a whitening matrix W with covariance^-1 = W'W, one for each row or one for all. A table knows who measured
-(`robot`), what it is called (`source`), which rows of the robot's log these are (`ids`), and which sensor saw it:
-`sensor` is the sensor's pose in the observer's body.
+Noise is a whitening matrix W with covariance^-1 = W'W, one for each row or one for all; rows of W that are zero measure
+nothing (`noise`). A table knows who measured (`robot`), what it is called (`source`), which rows of the robot's log
+these are (`ids`), and which sensor saw it: `sensor` is the sensor's pose in the observer's body.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, IntArray, Pose, lift_points
 from teamslam.model.keys import is_pose, robot_of
 from teamslam.model.losses import SQUARED, Loss
+from teamslam.model.noise import ranks
 from teamslam.model.sensors import MODELS, Model
 from teamslam.model.values import Values
 
@@ -69,8 +70,13 @@ class Table:
 
     @property
     def dof(self) -> int:
-        """Numbers measured in all: rows of the residual."""
-        return len(self) * self.row.residual_rows(self.dim)
+        """Numbers measured in all: rows of the whitened residual, without those that say nothing."""
+        return int(self.ranks.sum())
+
+    @property
+    def ranks(self) -> IntArray:
+        """How many numbers each row measures (m,): fewer than its residual has where its information is singular."""
+        return np.broadcast_to(ranks(self.whitening), len(self))
 
     def select(self, index: AnyArray) -> "Table":
         """The rows at a mask or index."""
@@ -117,33 +123,3 @@ class Table:
         """True where another robot is the target of every row."""
         targets = self.keys[:, -1]
         return bool(len(targets) and (is_pose(targets) & (robot_of(targets) != self.robot)).all())
-
-
-def whitening(covariance: Array) -> Array:
-    """W (..., r, r) with covariance^-1 = W'W: the inverse of the lower Cholesky factor.
-
-    Law: W covariance W' = 1. Raises ModelError for a covariance that is not finite, symmetric and positive definite,
-    naming the first row at fault.
-    """
-    c = np.asarray(covariance, float)
-    flat = c.reshape(-1, *c.shape[-2:])
-    if not np.isfinite(flat).all():
-        bad = int(np.flatnonzero(~np.isfinite(flat).all((1, 2)))[0])
-        raise ModelError(f"covariance {bad} holds a number that is not finite")
-    # Judged as correlations, so that the units of the rows (metres beside microradians) do not matter.
-    variances = np.diagonal(flat, axis1=1, axis2=2)
-    sd = np.sqrt(np.where(variances > 0.0, variances, 1.0))
-    correlation = flat / (sd[:, :, None] * sd[:, None, :])
-    swapped = np.swapaxes(correlation, -1, -2)
-    lopsided = np.abs(correlation - swapped).max((1, 2), initial=0.0) > 1e-6
-    if lopsided.any():
-        raise ModelError(f"covariance {int(np.flatnonzero(lopsided)[0])} is not symmetric")
-    correlation = 0.5 * (correlation + swapped)
-    indefinite = (variances.min(-1) <= 0.0) | (np.linalg.eigvalsh(correlation)[:, 0] <= 1e-14)
-    if indefinite.any():
-        bad = int(np.flatnonzero(indefinite)[0])
-        raise ModelError(
-            f"covariance {bad} is not positive definite (smallest variance {variances[bad].min():.3g}); "
-            f"variances must be above zero and correlations below one"
-        )
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(correlation)) / sd[:, None, :]).reshape(c.shape)
