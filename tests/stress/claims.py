@@ -14,7 +14,7 @@ from stress.failure import Findings
 from stress.maps import rows_of
 from stress.oracle import Oracle, lever, spoken_of
 from teamslam.joining import Component
-from teamslam.model import WORLD, Names, is_pose, robot_of
+from teamslam.model import WORLD, Names, is_pose
 
 WEAK_TURN = 0.2  # [rad]: a heading that is held no better may be called open
 WEAK_PLACE = 0.2  # of the distance
@@ -59,9 +59,7 @@ def check_sentences(outcome: Outcome, oracle: Oracle, findings: Findings) -> Non
             _check(component.solution.status.value, outcome, oracle, component, findings)
 
 
-def _check(
-    sentence: str, outcome: Outcome, oracle: Oracle, component: Component | None, findings: Findings
-) -> None:
+def _check(sentence: str, outcome: Outcome, oracle: Oracle, component: Component | None, findings: Findings) -> None:
     for name, (pattern, check) in CLAIMS.items():
         if match := re.search(pattern, sentence, re.DOTALL):
             findings.check(f"true: {name}", check(Saying(match, outcome, oracle, component)), sentence)
@@ -182,7 +180,10 @@ WHO = r"the submaps of robot (?P<robot>.+?) from (?P<base>.+?) on"
 CLAIMS: dict[str, tuple[str, Check]] = {
     "shares nothing": (WHO + r" share nothing with the map", _shares_nothing),
     "can still turn": (WHO + r" share only (?P<things>.+) with the map and can still turn", _can_turn),
-    "ranges leave it open": (WHO + r" are tied to the map by (?P<count>\d+) ranges? .* leave (?P<open>\d+) dir", _can_turn),
+    "ranges leave it open": (
+        WHO + r" are tied to the map by (?P<count>\d+) ranges? .* leave (?P<open>\d+) dir",
+        _can_turn,
+    ),
     "no frame fits the ranges": (WHO + r" are tied to the map by (?P<count>\d+) ranges? .* no frame fits", _never),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other (?P<other>[^ ]+?)\. ", _costs),
     "not determined": (r"SolveError: (?P<what>.+) is not determined by", _not_determined),
@@ -190,5 +191,8 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     "no odometry links": (r"no odometry links (?P<what>.+) to (?P<base>.+); cut the log", _no_link),
     "nothing measured": (r"there is nothing to join", _nothing_measured),
     "converged": (r"^Converged: ", _converged),
-    "all fixed": (r"^Nothing to estimate", lambda saying: saying.component is not None and not saying.component.map.dof),
+    "all fixed": (
+        r"^Nothing to estimate",
+        lambda saying: saying.component is not None and not saying.component.map.dof,
+    ),
 }

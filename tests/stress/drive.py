@@ -106,4 +106,3 @@ def _by_functions(log: Dataset, config: Config) -> Joined:
     if config.join.exact:
         return exact_join(pieces)
     return ts.join([ts.build(piece) for piece in pieces])
-

@@ -14,13 +14,11 @@ from teamslam.model import (
     Table,
     Values,
     index_of,
-    is_landmark,
     is_pose,
     landmark_key,
     pack,
     point_kind,
     pose_key,
-    pose_kind,
     robot_of,
 )
 
@@ -294,13 +292,18 @@ def _one_place(log: Dataset, rng: np.random.Generator) -> Dataset:
     return _each(log, at_zero, lambda t: t.model == "point")
 
 
-def _tags_read_as_robots(log: Dataset, rng: np.random.Generator) -> Dataset:
-    """A landmark is seen in the plane by one sense and in space by another."""
+def _covariances(table: Table) -> Array:
+    return np.linalg.inv(table.whitening.mT @ table.whitening)
+
+
+def _flat_sensor(log: Dataset, rng: np.random.Generator) -> Dataset:
+    """Points in space are seen in the plane of the robot, by one sense and perhaps not by another."""
 
     def flat(table: Table) -> Table:
-        return replace(table, dim=2, values=table.values[:, :2], whitening=table.whitening[:, :2, :2])
+        flat = table.values[:, :2], np.linalg.cholesky(np.linalg.inv(_covariances(table)[:, :2, :2])).mT
+        return replace(table, dim=2, values=flat[0], whitening=flat[1])
 
-    return _each(log, flat, lambda t: t.model == "point" and t.dim == 3 and rng.random() < 0.5)
+    return _each(log, flat, lambda t: t.model == "point" and t.dim == 3 and t.sensor is None)
 
 
 def _weak_row(log: Dataset, rng: np.random.Generator) -> Dataset:
@@ -330,6 +333,6 @@ FAULTS: dict[str, Fault] = {
     "empty table": _empty,
     "flipped": _flipped,
     "one place": _one_place,
-    "flat sensor": _tags_read_as_robots,
+    "flat sensor": _flat_sensor,
     "weak sightings": _weak_row,
 }

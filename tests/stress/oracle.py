@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.geometry import Array, IntArray, Pose
-from teamslam.model import Dataset, Kind, Layout, Table, Values, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Kind, Table, Values, is_landmark, is_pose, robot_of
 
 STEP = 1e-6
 OPEN = 1e-11  # of the largest: squares of singular values below are none. Differences are good to 1e-9
@@ -202,4 +202,3 @@ def lever(oracle: Oracle, one: int, other: int) -> float:
     dim = 3
     ends = oracle.truth.positions(np.array([one, other]), dim)
     return max(1.0, float(np.linalg.norm(ends[1] - ends[0])))
-

@@ -10,7 +10,7 @@ import numpy as np
 
 from stress.faults import FAULTS
 from stress.ways import WAYS
-from teamslam.model import Loss
+from teamslam.model import SQUARED, Loss
 
 T = TypeVar("T")
 
@@ -54,7 +54,7 @@ class Sense:
     sees: float
     sigma_m: float
     sigma_rad: float
-    loss: Loss = Loss()
+    loss: Loss = SQUARED
     mounted: bool = False
     correlated: bool = False
     uneven: bool = False
@@ -131,7 +131,7 @@ def _sense(rng: np.random.Generator, noise: str, of: str, model: str) -> Sense:
         sigma_m=float(np.exp(rng.uniform(*np.log(lengths)))),
         sigma_rad=float(np.exp(rng.uniform(*np.log(angles)))),
         loss=Loss(loss, float(rng.choice([1.0, 2.0, 0.5, 5.0]))),
-        mounted=of in ("landmarks", "robots") and rng.random() < 0.25,
+        mounted=of in ("landmarks", "robots", "world") and rng.random() < 0.25,
         correlated=rng.random() < 0.15,
         uneven=rng.random() < 0.15,
     )

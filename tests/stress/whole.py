@@ -24,7 +24,9 @@ def check_whole(outcome: Outcome, findings: Findings) -> None:
         findings.check(f"every {what} comes out", not lost, ", ".join(map(names.describe, lost[:3])))
     made_up = set(found) - set(spoken.tolist())
     findings.check("nothing comes out that did not go in", not made_up, sorted(made_up)[:3])
-    silent = [r for r in outcome.log.robots if not any(robot_of(k) == r for k in found) and r not in _robots_left(outcome)]
+    silent = [
+        r for r in outcome.log.robots if not any(robot_of(k) == r for k in found) and r not in _robots_left(outcome)
+    ]
     findings.check("every robot comes out", not silent, ", ".join(map(names.robot, silent)))
     _rows(outcome, findings)
 

@@ -97,9 +97,7 @@ def _measured(scenario: Scenario, robot: int, truth: Values, rng: np.random.Gene
                 yield measure(robot, sense, dim, pairs, truth, rng)
 
 
-def _pairs(
-    scenario: Scenario, sense: Sense, robot: int, rng: np.random.Generator
-) -> Iterator[tuple[int, IntArray]]:
+def _pairs(scenario: Scenario, sense: Sense, robot: int, rng: np.random.Generator) -> Iterator[tuple[int, IntArray]]:
     """Who sees what by a sense of a robot: the dimension of the measurements, and observers with their targets."""
     me = scenario.robots[robot - 1]
     own = pose_key(robot, np.arange(me.poses))
@@ -146,9 +144,7 @@ def _some(rng: np.random.Generator, pairs: IntArray, share: float) -> IntArray:
     return pairs[keep]
 
 
-def measure(
-    robot: int, sense: Sense, dim: int, keys: IntArray, truth: Values, rng: np.random.Generator
-) -> Table:
+def measure(robot: int, sense: Sense, dim: int, keys: IntArray, truth: Values, rng: np.random.Generator) -> Table:
     """A table of what a robot's sense reports of the truth. Rows are left out where a target stands in the sensor."""
     model = MODELS[sense.model]
     sensor = _mount(rng, dim) if sense.mounted else None
