@@ -45,10 +45,10 @@ def true_values(log: Dataset) -> Values:
 def jacobian(tables: Sequence[Table], values: Values) -> Array:
     """de/dx (rows, dof) of all tables, in metres and radians."""
     layout = values.layout
-    starts = np.cumsum([0] + [t.dof for t in tables])
+    starts = np.cumsum([0] + [_size(t) for t in tables])
     out = np.zeros((int(starts[-1]), layout.dof))
     for table, start in zip(tables, starts[:-1].tolist(), strict=True):
-        rows = start + np.arange(table.dof).reshape(len(table), -1)
+        rows = start + np.arange(_size(table)).reshape(len(table), -1)
         ends = table.ends(values)
         for end, variable in enumerate(table.keys[:, [0, -1]].T):
             if ends[end] is None:
@@ -64,11 +64,16 @@ def jacobian(tables: Sequence[Table], values: Values) -> Array:
     return out
 
 
+def _size(table: Table) -> int:
+    """Numbers in the residuals of all its rows."""
+    return len(table) * table.row.residual_rows(table.dim)
+
+
 def _slopes(table: Table, ends: tuple[Pose | None, Pose | Array], end: int) -> Array:
     """de (m, rows, d) by differences of one end's tangent, d of its own dimension."""
     moving = ends[end]
     size = moving.dof if isinstance(moving, Pose) else moving.shape[-1]
-    out = np.zeros((len(table), table.dof // len(table), size))
+    out = np.zeros((len(table), table.row.residual_rows(table.dim), size))
     for k in range(size):
         step = np.zeros((len(table), size))
         step[:, k] = STEP
@@ -95,9 +100,10 @@ def whitened(tables: Sequence[Table], matrix: Array) -> Array:
     """W times the rows of a Jacobian."""
     parts, at = [], 0
     for table in tables:
-        block = matrix[at : at + table.dof].reshape(len(table), -1, matrix.shape[1])
-        parts.append((table.whitening @ block).reshape(table.dof, -1))
-        at += table.dof
+        size = _size(table)
+        block = matrix[at : at + size].reshape(len(table), -1, matrix.shape[1])
+        parts.append((table.whitening @ block).reshape(size, -1))
+        at += size
     return np.concatenate(parts or [matrix])
 
 
