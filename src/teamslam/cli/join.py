@@ -1,5 +1,6 @@
 """`teamslam join`: submap files in, one map out (Algorithm 2); bad submaps are refused and the rest is joined."""
 
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +9,7 @@ from cyclopts import Parameter
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from teamslam.cli.sources import Truth
     from teamslam.joining import Component, Cost, Joined
     from teamslam.model import Dataset, Submap, Table, Values
     from teamslam.pipeline import Clock, Progress
@@ -100,6 +102,8 @@ def join(
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
     known = truth_in(truth) if truth is not None else None
+    if known is not None and len(known.parts) > 1:
+        raise InputError(f"this run holds {len(known.parts)} maps in frames of their own; give one truth", path=truth)
     beside = _pieces_of(admitted.good, pieces)
     crew, pictured = workers_for(workers, cluster), True
     with progress_bar(quiet) as progress:
@@ -133,7 +137,7 @@ def _pieces_of(submaps: "Sequence[Submap]", pieces: Path | None) -> "Pairs | Non
 
 def _joined(
     admitted: "Admission",
-    truth: "Values | None",
+    truth: "Truth | None",
     pieces: "Pairs | None",
     workers: "Workers | None",
     parts: Path | None,
@@ -166,9 +170,10 @@ def _joined(
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
     robots = {int(robot_of(key)): 2 + kind for key, kind in poses.items()}
     raw = tuple(_of_robots(table, robots) for submap in admitted.good for table in submap.raw)
-    team = Dataset(robots, raw, joined.map.names, truth, origin=", ".join(map(str, maps)))
+    known = None if truth is None else _truth_of(joined, truth)
+    team = Dataset(robots, raw, joined.map.names, known, origin=", ".join(map(str, maps)))
     clock.start("score")
-    scores = scores_of(joined, covariances, truth)
+    scores = scores_of(joined, covariances, known)
     record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, scores, clock.stop()))
     marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
     held = {
@@ -182,6 +187,13 @@ def _joined(
     if record.report["exactness"] is None and None in costs:
         held["exactness_unknown"] = _lacking(pieces, len(admitted.good))
     return replace(record, report={**record.report, **held})
+
+
+def _truth_of(joined: "Joined", truth: "Truth") -> "Values":
+    """What the truth knows of all components, under their keys."""
+    from teamslam.model import Values
+
+    return reduce(lambda known, part: known.update(truth.of(part.map)), joined.components, Values.of({}))
 
 
 def _cost(component: "Component", pieces: "Pairs") -> "Cost | None":

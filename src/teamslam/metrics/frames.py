@@ -53,6 +53,13 @@ class Aligned:
     basis: str
     held: bool
 
+    @property
+    def alike(self) -> bool:
+        """False where the errors are as large as what is compared, as they are between maps of two worlds."""
+        there = self.truth.positions(self.keys, 3)
+        spread = np.mean(np.sum((there - there.mean(0)) ** 2, -1))
+        return len(self.keys) < 3 or float(np.mean(np.sum(self.positions(self.keys) ** 2, -1))) < 0.25 * float(spread)
+
     def positions(self, keys: IntArray) -> Array:
         """Errors of position (n, 3) [m]; heights count only where both know them."""
         return self._errors[self._layout.index(keys)]

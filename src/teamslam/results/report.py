@@ -15,8 +15,9 @@ Its fields:
                                    and writing
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
-                                   name, how many `poses`, `landmarks` and `submaps`, and of each map alone status,
-                                   cost, errors and exactness by the same names as here; `objective` of its last solve
+                                   name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
+                                   alone status, cost, errors and exactness by the same names as here; `objective` of
+                                   its last solve
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
                                    of several components, each aligned by itself
@@ -95,6 +96,7 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
         "poses": sum(len(map.trajectory_keys(robot)) for robot in map.robots_in_it),
         "landmarks": len(map.landmark_keys),
         "submaps": len(component.members),
+        "frame": map.names.describe(map.base),
         "converged": solution is None or solution.converged,
         "status": solution.status.value if solution else ALONE,
         "cost": cost.cost if cost else None,
