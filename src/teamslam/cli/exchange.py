@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole
+
 if TYPE_CHECKING:
     from teamslam.model import Names
     from teamslam.team import Ledger, Plan
@@ -20,8 +22,8 @@ def exchange(
     information: float | None = None,
     to_the_bit: Annotated[bool, Parameter(negative="")] = False,
     landmarks: Annotated[bool, Parameter(negative="")] = False,
-    keyframe: int | None = None,
-    poses_per_piece: int | None = None,
+    keyframe: MaybeWhole = None,
+    poses_per_piece: MaybeWhole = None,
     format: str | None = None,
     ledger: Path | None = None,
 ) -> int:
@@ -79,6 +81,8 @@ def exchange(
 
     if to_the_bit and (shift is not None or information is not None):
         raise InputError("--to-the-bit rounds nothing: leave out --shift and --information")
+    if ledger is not None and ledger.is_dir():
+        raise InputError("the ledger is a folder; expected a file to write", path=ledger)
     near = Precision()
     precision = (
         EXACT
@@ -91,8 +95,8 @@ def exchange(
     team = []
     with progress_bar() as progress:
         for number, piece in enumerate(pieces, 1):
-            progress("building submaps", number, len(pieces))
             team.append((piece, build(piece)))
+            progress("building submaps", number, len(pieces))
     found, names = plan(team, precision, topology=topology, landmarks=landmarks), pieces[0].names
     if found.links:
         table(f"{log}: bytes on each link", *_costs(found, names), left=1)
@@ -106,8 +110,8 @@ def exchange(
             f"rounded: the estimate of a message by at most {max(r.shift_sigma for r in worst):.3f} sigma, "
             f"its information by at most {max(r.information for r in worst):.1%} in any direction"
         )
-    if keyframe is not None and pieces[0].dropped:
-        say(f"left out: {pieces[0].dropped[-1].count} {pieces[0].dropped[-1].reason}")
+    for dropped in pieces[0].dropped:
+        say(f"left out: {dropped.count}: {dropped.reason}")
     if ledger is not None:
         _write_ledger(found.ledger(), names, ledger)
         say(f"written: {ledger}")

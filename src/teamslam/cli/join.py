@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -26,7 +28,7 @@ def join(
     truth: Path | None = None,
     pieces: Path | None = None,
     without: Annotated[list[str] | None, Parameter(negative="")] = None,
-    workers: int | None = None,
+    workers: MaybeWhole = None,
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,

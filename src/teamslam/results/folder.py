@@ -38,7 +38,7 @@ from teamslam.results.tables import (
     write_team,
     write_trajectory_table,
 )
-from teamslam.results.whole import refuse_to_overwrite, whole_folder
+from teamslam.results.whole import made_folder, refuse_to_overwrite, whole_folder
 from teamslam.solver import Covariances
 
 
@@ -68,7 +68,7 @@ def write_record(record: Record, config: Config, folder: Path) -> None:
 
 def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float | None = None) -> list[Path]:
     """The figures of a run, into its folder of figures or another; returns the files."""
-    files = []
+    files, folder = [], made_folder(folder)
     for name, figure in figures_of(record).items():
         files.append(folder / f"{name}.{type}")
         save(figure, files[-1], dpi=dpi)
