@@ -94,10 +94,8 @@ def join(
     refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[*maps, *(p for p in (truth, pieces) if p)])
     if not maps:
         raise InputError("name the submap files to join, or folders of them")
-    if piece_files(maps):
-        raise InputError(
-            "these are pieces of a log, not built yet; make submaps of them: `teamslam build`", path=maps[0]
-        )
+    if found := piece_files(maps):
+        raise InputError("this is a piece of a log, not built yet; make submaps first: `teamslam build`", path=found[0])
     admitted = admit(maps, without=without or ())
     for refusal in admitted.refused:
         complain(f"refused: {refusal.name}: {refusal.reason}")

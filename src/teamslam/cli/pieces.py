@@ -38,7 +38,10 @@ def pieces_in(
     from teamslam.model import Dataset
     from teamslam.wire.pieces import piece_files, read_piece
 
-    if files := piece_files(paths):
+    if files := list(dict.fromkeys(piece_files(paths))):
+        for path in paths:
+            if not piece_files([path]):
+                raise InputError("this holds no piece, unlike the others; build one kind of input at a time", path=path)
         if format is not None or poses_per_piece is not None:
             raise InputError(
                 "these are pieces, cut before: --format and --poses-per-piece are for a log", path=paths[0]

@@ -108,7 +108,7 @@ def simulate(
     say(f"simulated: {counted(len(dataset.robots), 'robot', rows, 'measurement')}, and the truth")
     say(f"written: {out}")
     for dropped in left_out:
-        say(f"no place for it in the output: {dropped.count}: {dropped.reason}")
+        say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
     say(f"next: teamslam run {quote(str(out))} --out {quote(f'{out}-map')}")
     return 0
 

@@ -22,6 +22,7 @@ def outcome(report: Report) -> Rows:
         *_cost(report),
         *([("exactness", exactness(report))] if report["method"] == "join" else []),
         ("went in", counted(report["robots"], "robot", report["poses"], "pose", report["landmarks"], "landmark")),
+        *(("read", note) for note in report["notes"]),
         *_dropped(report),
         *_scores(report),
         *([] if len(parts) == 1 else _parts(parts)),

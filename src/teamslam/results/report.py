@@ -23,7 +23,8 @@ Its fields:
                                    of several components, each aligned by itself
     compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
                                    compared; null where there is no truth
-    robots, poses, landmarks, dropped                         what went in
+    robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and in words how it
+                                   understood what can be read in several ways
     refused, without               of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of a join: how far it is from the full least squares on the same measurements (see
                                    teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
@@ -77,6 +78,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "robots": len(dataset.robots),
         "poses": sum(len(keys) for keys in dataset.pose_keys.values()),
         "landmarks": len(dataset.landmark_keys),
+        "notes": list(dataset.notes),
         **_dropped(dataset),
         "exactness": (found := _exactness(parts)),
         "exactness_unknown": None if found or result.config.method == "full" else UNDETERMINED,
