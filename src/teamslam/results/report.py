@@ -23,8 +23,8 @@ Its fields:
                                    of several components, each aligned by itself
     compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
                                    compared; null where there is no truth
-    robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and in words how it
-                                   understood what can be read in several ways
+    robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and how it
+                                   understood what can be read in several ways, in words
     refused, without               of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of a join: how far it is from the full least squares on the same measurements (see
                                    teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
