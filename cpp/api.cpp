@@ -16,6 +16,11 @@
 #include "problem.hpp"
 #include "sparse_rows.hpp"
 
+struct teamslam_blocks {
+  teamslam::BlockPattern pattern;
+  std::vector<double> values;
+};
+
 struct teamslam_problem {
   teamslam::Problem problem;
 };
@@ -112,6 +117,23 @@ int32_t teamslam_sparse_rows(int64_t variables, const int32_t* dof, const int64_
   return guarded<int32_t>(-1, [&] {
     return teamslam::rows_of(pattern_of(variables, dof, column_start, row), values, threads, start, column, value), 0;
   });
+}
+
+teamslam_blocks* teamslam_blocks_new(int64_t variables, const int32_t* dof, const int64_t* start, const int32_t* column,
+                                     const double* value, int64_t sizes[2]) {
+  return guarded<teamslam_blocks*>(nullptr, [&] {
+    auto blocks = std::make_unique<teamslam_blocks>();
+    blocks->pattern = teamslam::blocks_of({start, column, value}, {dof, dof + variables}, blocks->values);
+    sizes[0] = blocks->pattern.blocks(), sizes[1] = blocks->pattern.size();
+    return blocks.release();
+  });
+}
+
+void teamslam_blocks_take(teamslam_blocks* blocks, int64_t* column_start, int32_t* row, double* values) {
+  std::copy(blocks->pattern.column_start.begin(), blocks->pattern.column_start.end(), column_start);
+  std::copy(blocks->pattern.row.begin(), blocks->pattern.row.end(), row);
+  std::copy(blocks->values.begin(), blocks->values.end(), values);
+  delete blocks;
 }
 
 teamslam_problem* teamslam_problem_new(int64_t variables, const int32_t* kinds, const uint8_t* fixed) {

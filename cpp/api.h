@@ -18,6 +18,7 @@
 extern "C" {
 #endif
 
+typedef struct teamslam_blocks teamslam_blocks;
 typedef struct teamslam_problem teamslam_problem;
 typedef struct teamslam_analysis teamslam_analysis;
 typedef struct teamslam_factor teamslam_factor;
@@ -32,6 +33,10 @@ TEAMSLAM_API void teamslam_model_shape(int32_t model, int32_t dimension, int32_t
 TEAMSLAM_API int32_t teamslam_sparse_rows(int64_t variables, const int32_t* dof, const int64_t* column_start,
                                           const int32_t* row, const double* values, int64_t* start, int32_t* column,
                                           double* value);
+/* And back: the blocks of such rows, first counted (sizes: blocks, values), then taken, which frees them. */
+TEAMSLAM_API teamslam_blocks* teamslam_blocks_new(int64_t variables, const int32_t* dof, const int64_t* start,
+                                                  const int32_t* column, const double* value, int64_t sizes[2]);
+TEAMSLAM_API void teamslam_blocks_take(teamslam_blocks* blocks, int64_t* column_start, int32_t* row, double* values);
 
 /* --- problems ---------------------------------------------------------------------------------------------------- */
 

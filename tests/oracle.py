@@ -4,10 +4,11 @@ Residuals come from the laws in MODELS, Jacobians from differences, algebra from
 """
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from teamslam.geometry import Array, Pose
 from teamslam.model import Table, Values
-from teamslam.solver import SubmapTerm
+from teamslam.solver import SubmapTerm, System
 
 STEP = 1e-6
 
@@ -66,3 +67,20 @@ def normal_equations(
         h += j.T @ weight @ j
         g += j.T @ (weight @ e + (slope if slope is not None else 0.0))
     return h[np.ix_(free, free)], g[free]
+
+
+def scipy_optimum(system: System, start: Values) -> tuple[float, Values]:
+    """The least cost that SciPy's trust region finds from `start`, and where: over residuals of which each row is
+    shortened so that its square is what it costs under its loss."""
+
+    def shortened(delta: Array) -> Array:
+        values = system.retract(start, delta)
+        rows = []
+        for table in system.tables:
+            whitened = table.whitened(values)
+            squared = np.maximum(np.sum(whitened**2, -1), 1e-300)
+            rows.append((whitened * np.sqrt(table.loss.cost(squared) / squared)[:, None]).ravel())
+        return np.concatenate(rows)
+
+    found = least_squares(shortened, np.zeros(system.free.dof), xtol=1e-15, ftol=1e-15, gtol=1e-13, x_scale="jac")
+    return 2.0 * float(found.cost), system.retract(start, found.x)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -125,3 +126,24 @@ def test_covariances_of_some_are_those_of_all(case, data):
         np.testing.assert_array_equal(block, every[v])
     with pytest.raises(ModelError, match="variables"):
         factor.diagonal_inverse([len(pattern.dofs)])
+
+
+@given(matrices())
+def test_blocks_become_rows_of_scalars_and_blocks_again(case):
+    _, pattern, values, H = case
+    data, columns, start = pattern.sparse_rows(values)
+    np.testing.assert_array_equal(sp.csr_array((data, columns, start), H.shape).toarray(), H)
+    again, numbers = BlockPattern.of_sparse_rows(pattern.dofs, data, columns, start)
+    for name in ("dofs", "column_start", "row", "value_start", "scalar_start"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(pattern, name))
+    np.testing.assert_array_equal(numbers, values)
+
+
+def test_rows_of_scalars_that_are_none_are_refused():
+    for columns, start, why in [
+        ([1, 0, 0, 1], [0, 2, 4], "columns of row 0 do not rise"),
+        ([0, 1, 0, 2], [0, 2, 4], "row 1 has columns 0 to 2"),
+        ([0, 1, 0, 1], [1, 2, 4], "does not start at 0"),
+    ]:
+        with pytest.raises(ModelError, match=why):
+            BlockPattern.of_sparse_rows([2], np.ones(4), columns, start)

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
+from oracle import scipy_optimum
 from teamslam.errors import InputError, SolveError
 from teamslam.model import Dataset, Loss, Values
 from teamslam.solver import RULES, Covariances, Factor, Options, Status, Step, System, optimise
@@ -18,17 +18,6 @@ def problem(world: str, **options: float) -> tuple[Dataset, System, Values]:
     assert dataset.truth is not None
     start = dataset.truth.only(dataset.layout.keys)
     return dataset, System(start.layout, tables=dataset.tables, fixed=dataset.pose_keys[1][:1]), start
-
-
-def scipy_optimum(system: System, start: Values) -> tuple[float, Values]:
-    """The least cost that SciPy finds over the same residuals."""
-
-    def residual(delta: np.ndarray) -> np.ndarray:
-        values = system.retract(start, delta)
-        return np.concatenate([t.whitened(values).ravel() for t in system.tables])
-
-    found = least_squares(residual, np.zeros(system.free.dof), xtol=1e-15, ftol=1e-15, gtol=1e-13, x_scale="jac")
-    return 2.0 * float(found.cost), system.retract(start, found.x)
 
 
 @pytest.mark.parametrize("world", WORLDS)

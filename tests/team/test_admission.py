@@ -83,7 +83,7 @@ BAD = {
     "no base frame": (without_base, "neither a robot's pose nor the world"),
     "another dimension": (spatial_landmarks, "another dimension"),
     "another clock": (lambda s: replace(s, names=Names(tick_s=1e-6)), "tick"),
-    "raw noise of nothing": (raw_sighting(whitening=np.zeros((1, 1, 1))), "says nothing about one of its numbers"),
+    "raw noise of nothing": (raw_sighting(whitening=np.zeros((1, 1, 1))), "says nothing"),
     "raw noise beyond numbers": (raw_sighting(whitening=np.full((1, 1, 1), 1e200)), "not finite, or beyond"),
     "raw rotation that is none": (
         raw_sighting(model="relative_pose", values=SHEAR, whitening=np.eye(3)[None]),

@@ -37,6 +37,7 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
         The format of the input, where it cannot be told from its looks.
     """
     from teamslam.cli.console import say
+    from teamslam.cli.words import counted
     from teamslam.errors import InputError
     from teamslam.io import read, write
 
@@ -45,11 +46,11 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     dataset = read(input, format=format)
     left_out = write(dataset, output, to)
     rows = sum(len(t) for t in dataset.tables)
-    say(f"written: {output}: {len(dataset.robots)} robots, {rows} measurements")
+    say(f"written: {output}: {counted(len(dataset.robots), 'robot', rows, 'measurement')}")
     for note in dataset.notes:
         say(f"read: {note}")
     for dropped in dataset.dropped:
-        say(f"dropped in reading: {dropped.count} rows: {dropped.reason}")
+        say(f"dropped in reading: {dropped.count}: {dropped.reason}")
     for dropped in left_out:
         say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
     return 0

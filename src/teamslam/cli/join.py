@@ -1,13 +1,17 @@
 """`teamslam join`: submap files in, one map out (Algorithm 2); bad submaps are refused and the rest is joined."""
 
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from teamslam.cli.sources import Truth
     from teamslam.joining import Component, Cost, Joined
     from teamslam.model import Dataset, Submap, Table, Values
     from teamslam.pipeline import Clock, Progress
@@ -25,7 +29,7 @@ def join(
     truth: Path | None = None,
     pieces: Path | None = None,
     without: Annotated[list[str] | None, Parameter(negative="")] = None,
-    workers: int | None = None,
+    workers: MaybeWhole = None,
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
@@ -91,16 +95,16 @@ def join(
     refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[*maps, *(p for p in (truth, pieces) if p)])
     if not maps:
         raise InputError("name the submap files to join, or folders of them")
-    if piece_files(maps):
-        raise InputError(
-            "these are pieces of a log, not built yet; make submaps of them: `teamslam build`", path=maps[0]
-        )
+    if found := piece_files(maps):
+        raise InputError("this is a piece of a log, not built yet; make submaps first: `teamslam build`", path=found[0])
     admitted = admit(maps, without=without or ())
     for refusal in admitted.refused:
         complain(f"refused: {refusal.name}: {refusal.reason}")
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
     known = truth_in(truth) if truth is not None else None
+    if known is not None and len(known.parts) > 1:
+        raise InputError(f"this run holds {len(known.parts)} maps in frames of their own; give one truth", path=truth)
     beside = _pieces_of(admitted.good, pieces)
     crew, pictured = workers_for(workers, cluster), True
     with progress_bar(quiet) as progress:
@@ -134,7 +138,7 @@ def _pieces_of(submaps: "Sequence[Submap]", pieces: Path | None) -> "Pairs | Non
 
 def _joined(
     admitted: "Admission",
-    truth: "Values | None",
+    truth: "Truth | None",
     pieces: "Pairs | None",
     workers: "Workers | None",
     parts: Path | None,
@@ -170,9 +174,10 @@ def _joined(
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
     robots = {int(robot_of(key)): 2 + kind for key, kind in poses.items()}
     raw = tuple(_of_robots(table, robots) for submap in admitted.good for table in submap.raw)
-    team = Dataset(robots, raw, joined.map.names, truth, origin=", ".join(map(str, maps)))
+    known = None if truth is None else _truth_of(joined, truth)
+    team = Dataset(robots, raw, joined.map.names, known, origin=", ".join(map(str, maps)))
     clock.start("score")
-    scores = scores_of(joined, covariances, truth)
+    scores = scores_of(joined, covariances, known)
     record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, judged, scores, clock.stop()))
     marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
     held = {
@@ -186,6 +191,13 @@ def _joined(
     if record.report["exactness"] is None and None in costs:
         held["exactness_unknown"] = f"unknown: {_lacking(pieces, len(admitted.good))}"
     return replace(record, report={**record.report, **held})
+
+
+def _truth_of(joined: "Joined", truth: "Truth") -> "Values":
+    """What the truth knows of all components, under their keys."""
+    from teamslam.model import Values
+
+    return reduce(lambda known, part: known.update(truth.of(part.map)), joined.components, Values.of({}))
 
 
 def _cost(component: "Component", pieces: "Pairs") -> "Cost | None":

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+from teamslam.cli.numbers import MaybeWhole
 
-def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int | None = None) -> int:
+
+def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: MaybeWhole = None) -> int:
     """Draw the figures of a run: map with ellipses and truth, convergence, errors over time, consistency.
 
     ```

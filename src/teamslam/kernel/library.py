@@ -32,6 +32,8 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "set_threads": (None, [I]),
     "model_shape": (None, [I, I, A]),
     "sparse_rows": (I, [L, A, A, A, A, A, A, A]),
+    "blocks_new": (P, [L, A, A, A, A, A]),
+    "blocks_take": (None, [P, A, A, A]),
     "problem_new": (P, [L, A, A]),
     "problem_free": (None, [P]),
     "add_table": (L, [P, I, I, L, A, A, A, I, A, I, D]),

@@ -67,6 +67,25 @@ class BlockPattern:
             sizes.astype(np.int32), np.searchsorted(code, np.arange(n + 1) * n), (code % max(n, 1)).astype(np.int32)
         )
 
+    @classmethod
+    def of_sparse_rows(
+        cls, dofs: ArrayLike, data: ArrayLike, columns: ArrayLike, start: ArrayLike
+    ) -> tuple["BlockPattern", Floats]:
+        """The blocks of a symmetric matrix by rows of scalars, columns rising in each, and their values. Of the two
+        triangles the lower one counts. The inverse of `sparse_rows`. Raises ModelError for rows that do not fit."""
+        sizes = integers("dofs", dofs, (None,)).astype(np.int32)
+        rows = integers("row starts", start, (int(sizes.sum()) + 1,))
+        at = integers("columns", columns, (int(rows[-1]),)).astype(np.int32)
+        numbers = floats("data", data, (int(rows[-1]),))
+        counts = np.empty(2, np.int64)
+        found = library.blocks_new(len(sizes), sizes, rows, at, numbers, counts)
+        if not found:
+            raise ModelError(library.error().decode())
+        blocks, size = counts.tolist()
+        column_start, row, values = np.empty(len(sizes) + 1, np.int64), np.empty(blocks, np.int32), np.empty(size)
+        library.blocks_take(found, column_start, row, values)
+        return cls.trusted(sizes, column_start, row, size, int(rows.size) - 1), values
+
     def sparse_rows(self, values: ArrayLike) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32] | Integers]:
         """The matrix with `values` as (data, columns, row starts): by rows of scalars, both triangles, columns rising.
 

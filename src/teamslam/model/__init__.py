@@ -15,9 +15,10 @@ from teamslam.model.keys import (
 )
 from teamslam.model.layout import Kind, Layout, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
+from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
 from teamslam.model.sensors import MODELS, Model, direction_basis
 from teamslam.model.submap import Sources, Stretch, Submap
-from teamslam.model.tables import Table, whitening
+from teamslam.model.tables import Table
 from teamslam.model.values import Values, pack, unpack
 
 __all__ = [
@@ -49,8 +50,11 @@ __all__ = [
     "point_kind",
     "pose_key",
     "pose_kind",
+    "ranks",
     "robot_of",
     "rows_of",
     "unpack",
+    "variances",
     "whitening",
+    "whitening_of_information",
 ]

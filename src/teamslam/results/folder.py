@@ -16,6 +16,7 @@ import csv
 import json
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ import numpy as np
 from teamslam.config import Config, write_config
 from teamslam.errors import InputError
 from teamslam.io import read_submaps, write_submaps
+from teamslam.io.files.npz import write_arrays
 from teamslam.io.files.whole import named
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.model import Layout, Values
@@ -41,7 +43,7 @@ from teamslam.results.tables import (
     write_team,
     write_trajectory_table,
 )
-from teamslam.results.whole import refuse_to_overwrite, whole_folder
+from teamslam.results.whole import made_folder, refuse_to_overwrite, whole_folder
 from teamslam.solver import Covariances
 
 
@@ -61,17 +63,25 @@ def write_run(result: Result, folder: str | Path, *, replace: bool = False, figu
 
 
 def write_record(record: Record, config: Config, folder: Path) -> None:
-    """All files of a run but its figures, into a new folder or in place of what is there."""
-    with whole_folder(folder) as draft:
+    """All files of a run but its figures, into a new folder or in place of what is there.
+
+    They are written side by side: much of it is packing and disk, which need no Python.
+    """
+
+    def write(name: str) -> None:
+        with named(draft / name):
+            FILES[name](record, draft / name)
+
+    for covariances in record.covariances:
+        covariances.all  # noqa: B018  # computed once, before several tables ask
+    with whole_folder(folder) as draft, ThreadPoolExecutor() as pool:
         write_config(config, draft / "config.toml")
-        for name, write in FILES.items():
-            with named(draft / name):
-                write(record, draft / name)
+        list(pool.map(write, FILES))
 
 
 def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float | None = None) -> list[Path]:
     """The figures of a run, into its folder of figures or another; returns the files."""
-    files = []
+    files, folder = [], made_folder(folder)
     for name, figure in figures_of(record).items():
         files.append(folder / f"{name}.{type}")
         save(figure, files[-1], dpi=dpi)
@@ -139,14 +149,14 @@ def read_report(folder: str | Path) -> dict[str, Any]:
 def _write_log(record: Record, path: Path) -> None:
     truth = record.truth
     empty = np.zeros(0, np.int64)
-    np.savez_compressed(
-        path,
-        sightings=record.sightings,
-        has_truth=np.array(truth is not None),
-        truth_keys=truth.layout.keys if truth else empty,
-        truth_kinds=truth.layout.kinds if truth else empty,
-        truth_state=truth.state if truth else np.zeros(0),
-    )
+    arrays = {
+        "sightings": record.sightings,
+        "has_truth": np.array(truth is not None),
+        "truth_keys": truth.layout.keys if truth else empty,
+        "truth_kinds": truth.layout.kinds if truth else empty,
+        "truth_state": truth.state if truth else np.zeros(0),
+    }
+    write_arrays(path, arrays)
 
 
 def _read_log(path: Path) -> tuple[Values | None, np.ndarray]:

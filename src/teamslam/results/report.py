@@ -23,14 +23,16 @@ Its fields:
                                    beside its standard deviation (`scale`), and the share of outliers
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
-                                   name, how many `poses`, `landmarks` and `submaps`, and of each map alone status,
-                                   cost, errors and exactness by the same names as here; `objective` of its last solve
+                                   name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
+                                   alone status, cost, errors and exactness by the same names as here; `objective` of
+                                   its last solve
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
                                    of several components, each aligned by itself
     compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
                                    compared; null where there is no truth
-    robots, poses, landmarks, dropped                         what went in
+    robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and how it
+                                   understood what can be read in several ways, in words
     refused, without               of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of a join: how far it is from the full least squares on the same measurements (see
                                    teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
@@ -86,6 +88,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "robots": len(dataset.robots),
         "poses": sum(len(keys) for keys in dataset.pose_keys.values()),
         "landmarks": len(dataset.landmark_keys),
+        "notes": list(dataset.notes),
         **_dropped(dataset),
         "exactness": (found := _exactness(parts)),
         "exactness_unknown": None if found or result.config.method == "full" else UNDETERMINED,
@@ -105,6 +108,7 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
         "poses": sum(len(map.trajectory_keys(robot)) for robot in map.robots_in_it),
         "landmarks": len(map.landmark_keys),
         "submaps": len(component.members),
+        "frame": map.names.describe(map.base),
         "converged": solution is None or solution.converged,
         "status": solution.status.value if solution else ALONE,
         "cost": cost.cost if cost else None,

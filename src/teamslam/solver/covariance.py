@@ -3,6 +3,7 @@
 All are in the chart of `geometry.pose`: of a pose [dT, dw], dT in the map's frame [m^2], dw in the pose's own [rad^2].
 """
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -20,17 +21,25 @@ class Covariances:
     The base pose of a map is its frame: it is no variable, and asking for it raises ModelError.
     """
 
-    def __init__(self, layout: Layout, information: Matrix | sp.csr_array, names: Names | None = None) -> None:
-        self.layout, self._information, self._names = layout, information, names
+    def __init__(
+        self,
+        layout: Layout,
+        information: Matrix | sp.csr_array | Callable[[], Matrix | sp.csr_array],
+        names: Names | None = None,
+        values: Values | None = None,
+    ) -> None:
+        """`information` may be what makes it, when it is first asked for; `values`, the estimate, saves time."""
+        self.layout, self._information, self._names, self._values = layout, information, names, values
 
     @classmethod
     def of_map(cls, submap: Submap) -> "Covariances":
         """The covariances of a submap or joined map, in its frame."""
-        return cls(submap.values.layout, submap.information, submap.names)
+        return cls(submap.values.layout, lambda: submap.information, submap.names, submap.values)
 
     @cached_property
     def _factor(self) -> Factor:
-        return Factor.of(self.layout, self._information, self._names)
+        information = self._information() if callable(self._information) else self._information
+        return Factor.of(self.layout, information, self._names, self._values)
 
     @cached_property
     def all(self) -> list[Array]:
@@ -44,7 +53,10 @@ class Covariances:
     def blocks(self, keys: AnyArray) -> list[Array]:
         """The marginal covariances of several variables, in the order of `keys`; quicker than `all` where they are
         few."""
-        return self._factor.marginals(self.layout.index(keys))
+        places = self.layout.index(keys)
+        if "all" in vars(self) or 2 * len(places) > len(self.layout):
+            return [self.all[place] for place in places.tolist()]
+        return self._factor.marginals(places)
 
     def draws(self, white: AnyArray) -> Array:
         """Errors that the estimate may have, in its chart: P^1/2 white, white (dof,) or (dof, k).

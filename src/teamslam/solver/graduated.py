@@ -53,15 +53,15 @@ def optimise_graduated(
     """The truncated least squares estimate, where the tables `suspects` (places in system.tables) may hold outliers.
 
     `probability` is the only knob: the share of good measurements that passes the gate c^2, the quantile of the
-    chi-square distribution with as many degrees of freedom as a row has. The information of the solution is that of
-    the inliers. Raises InputError for a probability outside (0, 1), SolveError as `optimise` does.
+    chi-square distribution with as many degrees of freedom as a row measures. The information of the solution is that
+    of the inliers. Raises InputError for a probability outside (0, 1), SolveError as `optimise` does.
     """
     if not 0.0 < probability < 1.0:
         raise InputError(f"the probability of the gate lies between 0 and 1, found {probability}")
-    gates = {i: chi2_quantile(probability, _rows(system, i)) for i in suspects}
+    gates = {i: chi2_quantile(probability, np.maximum(system.tables[i].ranks, 1)) for i in suspects}
     solution = optimise(system, start, options)
     squared = {i: np.sum(system.whitened(i, solution.values) ** 2, -1) for i in suspects}
-    excess = max((float(s.max(initial=0.0)) / gates[i] for i, s in squared.items()), default=0.0)
+    excess = max((float((s / gates[i]).max(initial=0.0)) for i, s in squared.items()), default=0.0)
     weights: dict[int, Array] = {i: np.ones(len(s)) for i, s in squared.items()}
     mu = 1.0 / max(2.0 * excess - 1.0, 1e-6)
     if excess > 1.0:
@@ -81,11 +81,7 @@ def optimise_graduated(
     return Graduated(solution, inliers)
 
 
-def _weight(squared: Array, gate: float, mu: float) -> Array:
+def _weight(squared: Array, gate: Array, mu: float) -> Array:
     between = np.sqrt(gate * mu * (mu + 1.0) / np.maximum(squared, 1e-300)) - mu
     weight = np.where(squared >= gate * (mu + 1.0) / mu, 0.0, between)
     return np.where(squared <= gate * mu / (mu + 1.0), 1.0, weight)
-
-
-def _rows(system: System, table: int) -> int:
-    return system.tables[table].row.residual_rows(system.tables[table].dim)

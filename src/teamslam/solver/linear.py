@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from teamslam import kernel
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, IntArray
-from teamslam.model import Layout, Names
+from teamslam.model import Layout, Names, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,29 +42,26 @@ class Matrix:
 
 def block_matrix(layout: Layout, matrix: sp.csr_array) -> tuple[kernel.BlockPattern, Array]:
     """A symmetric sparse matrix over the unknowns of a layout, as the kernel's pattern and numbers."""
-    coo = sp.coo_array(matrix)
-    of_unknown = np.repeat(np.arange(len(layout)), layout.dofs)
-    block_row, block_column = of_unknown[coo.row], of_unknown[coo.col]
-    lower = block_row >= block_column
-    row, column = coo.row[lower], coo.col[lower]
-    block_row, block_column = block_row[lower], block_column[lower]
-    n = len(layout)
-    diagonal = np.arange(n, dtype=np.int64) * (n + 1)
-    code = block_column.astype(np.int64) * n + block_row
-    codes = np.unique(np.concatenate([code, diagonal]))
-    pattern = kernel.BlockPattern(
-        dofs=layout.dofs.astype(np.int32),
-        column_start=np.searchsorted(codes, np.arange(n + 1, dtype=np.int64) * n).astype(np.int64),
-        row=(codes % n).astype(np.int32) if n else np.zeros(0, np.int32),
+    rows = by_rising_columns(matrix)
+    return kernel.BlockPattern.of_sparse_rows(layout.dofs, rows.data, rows.indices, rows.indptr)
+
+
+def by_rising_columns(matrix: sp.csr_array) -> sp.csr_array:
+    """The same matrix with each row's columns rising and none twice; itself where it is so already."""
+    if matrix.has_canonical_format:
+        return matrix
+    rising = matrix.copy()
+    rising.sum_duplicates()
+    return rising
+
+
+def analysis_of(layout: Layout, pattern: kernel.BlockPattern, values: Values | None) -> kernel.Analysis:
+    """The analysis of a pattern over the unknowns of `layout`, for which positions in `values` help where it is
+    large."""
+    helps = values is not None and len(layout) >= kernel.POSITIONS_HELP_FROM
+    return kernel.Analysis(
+        pattern, positions=values.positions(layout.keys, 3) if values is not None and helps else None
     )
-    sizes = layout.dofs[codes % n] * layout.dofs[codes // n] if n else np.zeros(0, np.int64)
-    starts = np.cumsum(sizes) - sizes
-    numbers = np.zeros(int(sizes.sum()))
-    block = np.searchsorted(codes, code)
-    height = layout.dofs[block_row]
-    place = starts[block] + (row - layout.dof_start[block_row]) + (column - layout.dof_start[block_column]) * height
-    numbers[place] = coo.data[lower]
-    return pattern, numbers
 
 
 class Factor:
@@ -88,10 +85,17 @@ class Factor:
         self._factor = kernel.Factor(structure)
 
     @classmethod
-    def of(cls, layout: Layout, matrix: Matrix | sp.csr_array, names: Names | None = None) -> "Factor":
-        """The factor of one matrix. Raises SolveError where it is not positive definite."""
+    def of(
+        cls,
+        layout: Layout,
+        matrix: Matrix | sp.csr_array,
+        names: Names | None = None,
+        values: Values | None = None,
+    ) -> "Factor":
+        """The factor of one matrix; the positions in `values` help to find a good order of elimination. Raises
+        SolveError where it is not positive definite."""
         blocks = matrix if isinstance(matrix, Matrix) else Matrix(*block_matrix(layout, matrix))
-        factor = cls(layout, blocks.analysis or blocks.pattern, names=names)
+        factor = cls(layout, blocks.analysis or analysis_of(layout, blocks.pattern, values), names=names)
         factor.factorise(blocks.numbers)
         return factor
 

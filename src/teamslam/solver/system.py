@@ -18,7 +18,7 @@ from teamslam import kernel
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, IntArray
 from teamslam.model import Layout, Loss, Names, Submap, Table, Values, pack
-from teamslam.solver.linear import Factor, Matrix, block_matrix
+from teamslam.solver.linear import Factor, Matrix, analysis_of, block_matrix, by_rising_columns
 from teamslam.solver.newton import Curvature
 from teamslam.solver.numeric import linearise_numerically
 
@@ -117,9 +117,7 @@ class System:
         """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
         help; from then on it serves every factor of this system, and of the matrices that `linearise` returns."""
         if self._analysis is None:
-            large = len(self.free) >= kernel.POSITIONS_HELP_FROM
-            places = values.positions(self.free.keys, 3) if large else None
-            self._analysis = kernel.Analysis(self.pattern, positions=places)
+            self._analysis = analysis_of(self.free, self.pattern, values)
         return Factor(self.free, self._analysis, names=self.names)
 
     def cost(self, values: Values) -> float:
@@ -222,7 +220,7 @@ class System:
         frames = np.full(len(terms), -1)
         frames[known] = self.layout.index(bases[known])
         layouts = [term.values.layout for term in terms]
-        matrices = [_by_rising_columns(term.information) for term in terms]
+        matrices = [by_rising_columns(term.information) for term in terms]
         sloped = any(term.slope is not None for term in terms)
         slopes = [np.zeros(t.values.layout.dof) if t.slope is None else t.slope for t in terms] if sloped else None
         return self._problem.add_submaps(
@@ -251,14 +249,6 @@ class System:
             cost = float(table.loss.cost(squared).sum())
             blocks[handle] = (error * root[:, None], jacobian * root[:, None, None], cost)
         return blocks
-
-
-def _by_rising_columns(matrix: sp.csr_array) -> sp.csr_array:
-    if matrix.has_canonical_format:
-        return matrix
-    rising = matrix.copy()
-    rising.sum_duplicates()
-    return rising
 
 
 Progress = Callable[[str, float], None]

@@ -13,6 +13,7 @@ from teamslam.model import (
     Loss,
     Table,
     pack,
+    ranks,
     unpack,
 )
 from teamslam.wire.codec_places import inside, inside_all
@@ -127,7 +128,8 @@ def _round_measured(table: Table, fineness: float) -> tuple[tuple[IntArray, IntA
     """Integers (m, rows) and exponents of their steps for each distinct noise, and the measurements they stand for."""
     distinct, which = _distinct_noise(table)
     scale = np.sqrt(np.sum(distinct**2, axis=1))  # 1 / sigma of each row, the others held fixed
-    exponents = np.floor(np.log2(fineness / np.maximum(scale, 1e-300))).astype(np.int64)
+    scale = np.maximum(scale, 1e-3 * scale.max(1, keepdims=True) + 1e-300)  # what is left open turns with the rest
+    exponents = np.floor(np.log2(fineness / scale)).astype(np.int64)
     z = _coordinates(table.values, table.model, table.dim)
     integers = np.rint(np.ldexp(z, -exponents[which])).astype(np.int64)
     restored = _measured(np.ldexp(integers.astype(float), exponents[which]), table.model, table.dim)
@@ -178,7 +180,10 @@ def _get_whitening(source: Reader, m: int, rows: int) -> tuple[Array, IntArray]:
 
 
 def _relative_change(exact: Array, rounded: Array) -> float:
-    """max |W^-T (W~'W~) W^-1 - 1|: how much the information of a measurement has changed."""
+    """max |W^-T (W~'W~) W^-1 - 1|: how much the information of a measurement has changed; infinite where W is
+    singular, since what says nothing must not begin to."""
+    if (ranks(exact) < exact.shape[-1]).any():
+        return np.inf
     change = rounded @ np.linalg.inv(exact)
     square = np.swapaxes(change, -1, -2) @ change - np.eye(exact.shape[-1])
     return float(np.abs(np.linalg.eigvalsh(square)).max())

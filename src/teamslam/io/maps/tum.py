@@ -10,7 +10,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
 from teamslam.io.files.delimited import read_columns
-from teamslam.io.files.text import text_of, write_text
+from teamslam.io.files.text import rows_of_text, write_text
 from teamslam.model import Names, Values, is_pose, robot_of
 
 FIELDS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -21,7 +21,7 @@ def write_trajectory(path: str | Path, stamps_s: Array, poses: Pose) -> None:
     lifted = poses.lift(3)
     w, x, y, z = np.moveaxis(lifted.quaternion_wxyz(), -1, 0)
     rows = np.column_stack([stamps_s, lifted.translation, x, y, z, w])
-    write_text(Path(path), "".join(" ".join(map(text_of, row)) + "\n" for row in rows.tolist()))
+    write_text(Path(path), "\n".join([*rows_of_text(rows), ""]))
 
 
 def read_trajectory(path: str | Path) -> tuple[Array, Pose]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import AnyArray, Array, Pose
-from teamslam.model import Kind, Submap, Table, is_landmark, robot_of, unpack
+from teamslam.model import Kind, Submap, Table, is_landmark, ranks, robot_of, unpack
 from teamslam.model.keys import MAX_ROBOT
 
 LARGEST = 1e60  # its fourth power is still a number
@@ -87,12 +87,15 @@ def _check_measured(table: Table) -> None:
 
 
 def _check_whitening(whitening: Array, source: str) -> None:
-    """Its information W'W must be invertible, judged as correlations so that units do not matter."""
+    """The rows of W that are not zero must be independent, judged as correlations so that units do not matter: a
+    measurement may leave a direction open, but then says so."""
     check_numbers(whitening, f"{source} whitening")
     information = np.swapaxes(whitening, -1, -2) @ whitening
     scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
-    if not (scale > 1.0 / LARGEST).all():
-        raise InputError("a measurement says nothing about one of its numbers", field=f"{source} whitening")
-    correlation = information / (scale[:, :, None] * scale[:, None, :])
-    if (np.linalg.eigvalsh(correlation)[:, 0] <= 1e-14).any():
+    if not (ranks(whitening) > 0).all() or not ((scale > 1.0 / LARGEST) | (scale == 0.0)).all():
+        raise InputError("a measurement says nothing", field=f"{source} whitening")
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    correlation = information / (divisor[:, :, None] * divisor[:, None, :])
+    independent = (np.linalg.eigvalsh(correlation) > 1e-14).sum(-1)
+    if (independent < ranks(whitening)).any():
         raise InputError("the noise of a measurement has no covariance", field=f"{source} whitening")

@@ -12,7 +12,7 @@ import numpy as np
 
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, rotations
 from teamslam.joining.start.dead_reckoning import WHOLE, measured_positions
-from teamslam.model import Kind, Submap, Table, robot_of, unpack
+from teamslam.model import Kind, Submap, Table, robot_of, unpack, variances
 from teamslam.solver import Covariances
 
 MOST_JOINT = 200  # landmarks whose covariance is taken together: a dense matrix
@@ -98,7 +98,8 @@ def _sketch(submap: Submap, shared: IntArray) -> Outline:
     for table in submap.raw:
         if table.model not in (*WHOLE, "relative_pose"):
             continue
-        part = table.select(values.layout.contains(table.keys[:, 0]))
+        whole = np.isfinite(variances(table.whitening)).all(-1)
+        part = table.select(values.layout.contains(table.keys[:, 0]) & whole)
         if len(part):
             parts.append(_sighted(part, values.poses_of(part.keys[:, 0], 3)))
     return Outline.of(*parts)
@@ -107,8 +108,8 @@ def _sketch(submap: Submap, shared: IntArray) -> Outline:
 def _sighted(table: Table, seen_by: Pose) -> Outline:
     """What raw sightings from known poses show."""
     n, d = len(table), table.dim
-    covariance = np.linalg.inv(np.swapaxes(table.whitening, -1, -2) @ table.whitening)
-    diagonal = np.broadcast_to(np.diagonal(covariance, axis1=-2, axis2=-1), (n, covariance.shape[-1]))
+    each = variances(table.whitening)
+    diagonal = np.broadcast_to(each, (n, each.shape[-1]))
     turns, turn_variances = np.tile(np.eye(3), (n, 1, 1)), np.ones(n)
     whole = table.model == "relative_pose"
     if whole:
@@ -116,13 +117,15 @@ def _sighted(table: Table, seen_by: Pose) -> Outline:
         assert isinstance(measured, Pose)
         pose = seen_by @ (measured if table.sensor is None else table.sensor @ measured)
         places, turns = pose.translation, pose.rotation
-        variances, turn_variances = diagonal[:, :d].mean(-1), diagonal[:, d:].mean(-1)
+        place_variances, turn_variances = diagonal[:, :d].mean(-1), diagonal[:, d:].mean(-1)
     else:
         places = seen_by.act(lift_points(measured_positions(table), 3))
-        variances = diagonal[:, :d].mean(-1)
+        place_variances = diagonal[:, :d].mean(-1)
         if table.model == "range_bearing":
-            variances = (diagonal[:, 0] + table.values[:, 0] ** 2 * diagonal[:, 1:].sum(-1)) / d
-    return Outline(table.keys[:, 1], places, turns, np.full(n, whole), variances, turn_variances, np.zeros(n, bool))
+            place_variances = (diagonal[:, 0] + table.values[:, 0] ** 2 * diagonal[:, 1:].sum(-1)) / d
+    return Outline(
+        table.keys[:, 1], places, turns, np.full(n, whole), place_variances, turn_variances, np.zeros(n, bool)
+    )
 
 
 def _variances(submap: Submap, keys: IntArray, shared: IntArray) -> tuple[Array, Array]:

@@ -37,7 +37,7 @@ class Ranges:
     @classmethod
     def of(cls, tables: Iterable[Table]) -> "Ranges":
         """The ranges to poses among raw measurements."""
-        parts = [t.select(is_pose(t.keys[:, 1])) for t in tables if t.model == "range"]
+        parts = [t.select(is_pose(t.keys[:, 1]) & (t.ranks > 0)) for t in tables if t.model == "range"]
         mounts = [np.zeros(3) if t.sensor is None else t.sensor.lift(3).translation for t in parts]
         counts = [len(t) for t in parts]
         return cls(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.model import Dataset, robot_of
+from teamslam.model import Dataset, robot_of, variances
 
 
 def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -35,9 +35,7 @@ def odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, Bo
         steps = np.flatnonzero(which == number)
         if len(steps):
             whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))[row[steps]]
-            covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
-            turns = covariance[:, table.dim :, table.dim :]
-            variance[steps] = np.trace(turns, axis1=1, axis2=2)
+            variance[steps] = variances(whitening)[:, table.dim :].sum(-1)
     return variance, (which >= 0) | _reached_across(log, robot, poses)
 
 
