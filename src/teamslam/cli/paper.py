@@ -1,15 +1,16 @@
 """`teamslam paper`: the paper's simulation again, its Tables 1 and 2 and its Figures 2, 3 and 4."""
 
 from pathlib import Path
+from typing import Annotated
 
-from teamslam.cli.numbers import Whole, Wholes
+from cyclopts import Parameter
 
 
 def paper(
     *,
-    runs: Whole = 50,
-    poses: Wholes = (4, 12),
-    seed: Whole = 0,
+    runs: int = 50,
+    poses: Annotated[tuple[int, ...], Parameter(negative="")] = (4, 12),
+    seed: int = 0,
     out: Path = Path("paper"),
 ) -> int:
     """Run the paper's simulation many times; print Tables 1 and 2 beside its figures, and draw Figures 2, 3 and 4.
@@ -41,10 +42,9 @@ def paper(
     from teamslam.io.files.text import write_text
     from teamslam.paper.figures import figures_of_paper
     from teamslam.paper.reproduction import reproduce
-    from teamslam.results import made_folder
     from teamslam.results.figures import save
 
-    made_folder(out)  # before all the work: what cannot be written is known now
+    out.mkdir(parents=True, exist_ok=True)  # before all the work: what cannot be written is known now
     with progress_bar() as progress:
         found = reproduce(runs, poses, seed, progress)
     say(str(found))

@@ -5,8 +5,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from teamslam.cli.numbers import MaybeWhole
-
 
 def run(
     input: Path,
@@ -20,7 +18,7 @@ def run(
     loss_scale: float | None = None,
     config: Path | None = None,
     format: str | None = None,
-    workers: MaybeWhole = None,
+    workers: int | None = None,
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,

@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from teamslam.sim import Options, PaperOptions, Robot, Sensor
 
-from teamslam.cli.numbers import MaybeWhole, Whole
-
 
 def simulate(
     out: Path,
     /,
     *,
     preset: str = "planar",
-    seed: Whole = 0,
-    robots: MaybeWhole = None,
-    poses: MaybeWhole = None,
-    landmarks: MaybeWhole = None,
+    seed: int = 0,
+    robots: int | None = None,
+    poses: int | None = None,
+    landmarks: int | None = None,
     path: str | None = None,
     outliers: float | None = None,
     dropouts: float | None = None,
@@ -79,10 +77,7 @@ def simulate(
     to
         The format to write; plain without it. See `teamslam convert --help`.
     """
-    from shlex import quote
-
     from teamslam.cli.console import say
-    from teamslam.cli.words import counted
     from teamslam.errors import InputError
     from teamslam.io import write
     from teamslam.sim import PRESETS
@@ -105,11 +100,10 @@ def simulate(
     dataset = simulate_team(options, seed)
     left_out = write(dataset, out, to)
     rows = sum(len(t) for t in dataset.tables)
-    say(f"simulated: {counted(len(dataset.robots), 'robot', rows, 'measurement')}, and the truth")
-    say(f"written: {out}")
+    say(f"written: {out}: {len(dataset.robots)} robots, {rows} measurements, with truth")
     for dropped in left_out:
-        say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
-    say(f"next: teamslam run {quote(str(out))} --out {quote(f'{out}-map')}")
+        say(f"no place for it in the output: {dropped.count}: {dropped.reason}")
+    say(f"next: teamslam run {out} --out {out}-map")
     return 0
 
 
