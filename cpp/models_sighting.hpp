@@ -48,13 +48,14 @@ inline double wrap_once(double angle) {
   return angle > pi ? angle - 2.0 * pi : angle <= -pi ? angle + 2.0 * pi : angle;
 }
 
-// Orthonormal tangent basis of the unit vector z, the columns of B (Duff et al. 2017, "Building an orthonormal basis,
-// revisited"): with s = sign(z_z) and a = -1 / (s + z_z),
-//   b1 = (1 + s a z_x^2, s a z_x z_y, -s z_x),   b2 = (a z_x z_y, s + a z_y^2, -z_y).
+// Orthonormal tangent basis of the unit vector z, the columns of B: towards rising azimuth, then towards rising
+// elevation, so that the rows of a bearing's noise are those two angles. Within a hair of the poles, where azimuth has no
+// meaning, the first is the y axis: the way azimuth rises from the x axis.
 inline void tangent_basis(const double* z, double (&b1)[3], double (&b2)[3]) {
-  const double s = std::copysign(1.0, z[2]), a = -1.0 / (s + z[2]), xy = a * z[0] * z[1];
-  b1[0] = 1.0 + s * a * z[0] * z[0], b1[1] = s * xy, b1[2] = -s * z[0];
-  b2[0] = xy, b2[1] = s + a * z[1] * z[1], b2[2] = -z[1];
+  const double flat = std::sqrt(z[0] * z[0] + z[1] * z[1]);
+  const bool pole = flat < 1e-9;
+  b1[0] = pole ? 0.0 : -z[1] / flat, b1[1] = pole ? 1.0 : z[0] / flat, b1[2] = 0.0;
+  b2[0] = -z[2] * b1[1], b2[1] = z[2] * b1[0], b2[2] = z[0] * b1[1] - z[1] * b1[0];  // z x b1
 }
 
 template <int D>

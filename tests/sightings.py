@@ -71,7 +71,9 @@ def every_table(rng: np.random.Generator, values: Values, setting: Setting, *, s
             if row.unary:
                 if not row.targets_pose and setting.landmark.dim != dim and targets is MARKS:
                     continue
-                yield table_of(rng, model, dim, targets[:, None], values)
+                for eye in [None] if targets is MARKS else sensors:
+                    if eye is None or eye.dim <= dim:
+                        yield table_of(rng, model, dim, targets[:, None], values, eye)
                 continue
             for eye in sensors:
                 if eye is not None and eye.dim > dim:

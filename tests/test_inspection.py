@@ -6,6 +6,7 @@ import pytest
 from teamslam.geometry import IntArray
 from teamslam.inspection import inspect
 from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of
+from teamslam.pipeline import run
 from worlds import team as small_team
 
 
@@ -84,3 +85,39 @@ def test_no_truth_is_said() -> None:
     blank = Dataset(team.robots, team.tables, team.names)
     assert any("no truth" in hint for hint in inspect(blank).hints)
     assert not any("no truth" in hint for hint in inspect(team).hints)
+
+
+def sharing(seen: dict[int, list[int]]) -> Dataset:
+    """No robot sees another; each sees its own landmarks, all in the plane."""
+    whole = small_team("2d", robots=len(seen), poses=12, landmarks=8, sees=1.0)
+
+    def wanted(table: Table) -> np.ndarray:
+        target = table.keys[:, 1]
+        sees_robot = is_pose(target) & (robot_of(target) != table.robot)
+        return ~sees_robot & (~is_landmark(target) | np.isin(target, seen[table.robot]))
+
+    return keep(whole, wanted)
+
+
+@pytest.mark.parametrize(
+    ("seen", "groups"),
+    [
+        ({1: [0, 1, 2], 2: [0, 1, 3], 3: [2, 3]}, ((1, 2, 3),)),  # 3 has one landmark with each, two with both
+        ({1: [0, 1], 2: [1, 2], 3: [2, 0]}, ((1, 2, 3),)),  # a ring: a truss of three bars
+        ({1: [0, 1], 2: [0, 1], 3: [1, 4]}, ((1, 2), (3,))),
+        ({1: [0, 1], 2: [1, 2], 3: [2, 5]}, ((1,), (2,), (3,))),  # a row of hinges
+    ],
+)
+def test_groups_are_those_that_a_run_joins(seen: dict[int, list[int]], groups: tuple[tuple[int, ...], ...]) -> None:
+    """Robots that are held by several others together are not told that they cannot be joined."""
+    log = sharing(seen)
+    assert inspect(log).groups == groups
+    components = run(log).joined.components
+    assert sorted(component.map.robots_in_it for component in components) == list(groups)
+
+
+def test_time_counts_from_the_first_pose() -> None:
+    """Not from the end of the first step."""
+    found = inspect(small_team(robots=1, poses=5))
+    odometry = next(count for count in found.counts if count.source == "odometry")
+    assert (odometry.start_s, odometry.stop_s) == (0.0, 4.0)

@@ -15,9 +15,11 @@
 | split, build, join            | a log in pieces, a submap of each (Algorithm 1), one map (Algorithm 2)|
 | full                          | full least squares over all measurements: the baseline                |
 | score                         | a map against the truth                                               |
+| verdict                       | whether the model fits the log, and if not, what it looks like        |
 | run, Config                   | all of this in one call, and its options                              |
 | Dataset, Table, Values        | what was seen, and estimates                                          |
 | Submap, Joined, Covariances   | maps, what a join gives, and how sure it is                           |
+| Verdict                       | how well a map fits, in all and part by part                          |
 | Pose, Loss                    | rigid body poses; how strongly a sighting may pull                    |
 | TeamslamError                 | every error that is raised on purpose                                 |
 
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from teamslam.pipeline import run
     from teamslam.sim import simulate
     from teamslam.solver import Covariances
+    from teamslam.trust import Verdict, verdict
 
 __all__ = [
     "Config",
@@ -55,6 +58,7 @@ __all__ = [
     "Table",
     "TeamslamError",
     "Values",
+    "Verdict",
     "build",
     "full",
     "join",
@@ -64,6 +68,7 @@ __all__ = [
     "score",
     "simulate",
     "split",
+    "verdict",
     "write",
     "write_submaps",
 ]
@@ -79,6 +84,7 @@ _HOMES = {
     "teamslam.pipeline": ("run",),
     "teamslam.sim": ("simulate",),
     "teamslam.solver": ("Covariances",),
+    "teamslam.trust": ("Verdict", "verdict"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -6,17 +6,18 @@
     hints    in words: what cannot be placed, and what would cure it
 
 A link holds a robot's frame where it fixes all its numbers: in the plane two common landmarks or one sighting of a
-pose, in space three landmarks (not in line) or one pose. It is a count, not a proof: geometry may still be too weak,
-which the join itself will say.
+pose, in space three landmarks (not in line) or one pose. Robots that are held together count as one against others.
+It is a count, not a proof: geometry may still be too weak, which the join itself will say.
 """
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Names, Table, is_landmark, is_pose, robot_of
 
 GAP_FACTOR = 20.0  # a gap is this many times the usual step
 UNSEEN = 2  # landmarks seen by fewer rows than this hang on one sighting
@@ -60,8 +61,9 @@ class Inspection:
 
 def inspect(dataset: Dataset) -> Inspection:
     """Look a log over; nothing is changed and nothing solved."""
-    links = tuple(_links(dataset))
-    groups = _groups(sorted(dataset.robots), links)
+    bonds = tuple(_bonds(dataset))
+    links = tuple(bond.link for bond in bonds if len(bond.shared) or bond.sightings)
+    groups = _groups(dataset, bonds)
     return Inspection(
         robots=dict(dataset.robots),
         poses={robot: len(keys) for robot, keys in dataset.pose_keys.items()},
@@ -76,32 +78,61 @@ def inspect(dataset: Dataset) -> Inspection:
 
 def _counts(dataset: Dataset) -> Iterator[Count]:
     for table in dataset.tables:
-        stamps = dataset.names.stamps_s(_observers(table))
+        own = table.keys[is_pose(table.keys) & (robot_of(table.keys) == table.robot)]
+        stamps = dataset.names.stamps_s(own)
         span = (float(stamps.min()), float(stamps.max())) if len(stamps) else (np.nan, np.nan)
         yield Count(table.robot, table.source, table.model, len(table), *span)
 
 
-def _observers(table: Table) -> IntArray:
-    """The pose that each row was taken from; of a step between two own poses, the later."""
-    own = (robot_of(table.keys) == table.robot) & is_pose(table.keys)
-    return np.asarray(np.where(own, table.keys, 0).max(-1))
+# --- what holds robots together -------------------------------------------------------------------------------------
 
 
-def _links(dataset: Dataset) -> Iterator[Link]:
+@dataclass(frozen=True, eq=False)
+class _Bond:
+    """What two robots, or two groups of them, have in common: landmarks, and numbers that sightings of each other fix.
+    `oriented`: one of the landmarks is seen as a pose."""
+
+    robots: tuple[int, int]
+    shared: IntArray
+    sightings: int
+    numbers: int
+    planar: bool
+    oriented: bool
+
+    @property
+    def holds(self) -> bool:
+        """Whether it fixes one's frame in the other's."""
+        per_mark = 2 if self.planar else 3
+        # The last mark of three in space adds two numbers, not three: a turn about the line of the others is one.
+        held = self.numbers + per_mark * len(self.shared) - (not self.planar and len(self.shared) > 0)
+        return bool(held >= _need(self.planar) or self.oriented)
+
+    @property
+    def link(self) -> Link:
+        return Link(self.robots, len(self.shared), self.sightings, self.holds)
+
+
+def _need(planar: bool) -> int:
+    """The numbers of a frame."""
+    return 3 if planar else 6
+
+
+def _bonds(dataset: Dataset) -> Iterator[_Bond]:
+    """Every pair of robots."""
     marks = {robot: _landmarks_of(dataset, robot) for robot in dataset.robots}
-    robots = sorted(dataset.robots)
-    for i, a in enumerate(robots):
-        for b in robots[i + 1 :]:
-            shared = np.intersect1d(marks[a], marks[b])
-            between = [_of_each_other(table, a, b) for table in dataset.tables]
-            sightings = sum(len(t) for t in between)
-            held = sum(_numbers_held(t) for t in between)
-            need, per_mark = (3, 2) if dataset.robots[a] == dataset.robots[b] == 2 else (6, 3)
-            # The last mark of three in space adds two numbers, not three: a turn about the line of the others is one.
-            held += per_mark * len(shared) - (per_mark == 3 and len(shared) > 0)
-            oriented = any(t.row.targets_pose and np.isin(t.keys[:, -1], shared).any() for t in dataset.tables)
-            if len(shared) or sightings:
-                yield Link((a, b), len(shared), sightings, bool(held >= need or oriented))
+    oriented = [t.keys[:, -1] for t in dataset.tables if t.row.targets_pose]
+    turned = np.unique(np.concatenate(oriented)) if oriented else np.zeros(0, np.int64)
+    for a, b in itertools.combinations(sorted(dataset.robots), 2):
+        shared = np.intersect1d(marks[a], marks[b])
+        between = [_of_each_other(table, a, b) for table in dataset.tables]
+        yield _Bond(
+            robots=(a, b),
+            shared=shared,
+            sightings=sum(len(t) for t in between),
+            numbers=sum(_numbers_held(t) for t in between),
+            planar=dataset.robots[a] == dataset.robots[b] == 2,
+            oriented=bool(np.isin(turned, shared).any()),
+        )
 
 
 def _landmarks_of(dataset: Dataset, robot: int) -> IntArray:
@@ -122,13 +153,51 @@ def _numbers_held(table: Table) -> int:
     return len(np.unique(table.keys[:, 0])) * table.row.residual_rows(table.dim) if len(table) else 0
 
 
-def _groups(robots: list[int], links: tuple[Link, ...]) -> tuple[tuple[int, ...], ...]:
-    home = {robot: robot for robot in robots}
-    for link in links:
-        if link.holds:
-            a, b = sorted(home[r] for r in link.robots)
-            home = {robot: a if root == b else root for robot, root in home.items()}
-    return tuple(tuple(r for r in robots if home[r] == root) for root in sorted(set(home.values())))
+def _groups(dataset: Dataset, bonds: Sequence[_Bond]) -> tuple[tuple[int, ...], ...]:
+    """The robots that are held together: by a bond, by those of several robots together, or in a ring."""
+    groups = [frozenset([robot]) for robot in dataset.robots]
+    while (merged := _two_that_hold(groups, bonds)) or (merged := _ring(groups, bonds, dataset)):
+        groups = [group for group in groups if not group <= merged] + [merged]
+    return tuple(sorted(tuple(sorted(group)) for group in groups))
+
+
+def _between(a: frozenset[int], b: frozenset[int], bonds: Sequence[_Bond]) -> _Bond:
+    """What two groups have in common."""
+    across = [bond for bond in bonds if len(a & {*bond.robots}) == len(b & {*bond.robots}) == 1]
+    return _Bond(
+        robots=(min(a), min(b)),
+        shared=np.unique(np.concatenate([bond.shared for bond in across])),
+        sightings=sum(bond.sightings for bond in across),
+        numbers=sum(bond.numbers for bond in across),
+        planar=all(bond.planar for bond in across),
+        oriented=any(bond.oriented for bond in across),
+    )
+
+
+def _two_that_hold(groups: Sequence[frozenset[int]], bonds: Sequence[_Bond]) -> frozenset[int] | None:
+    for a, b in itertools.combinations(groups, 2):
+        if _between(a, b, bonds).holds:
+            return a | b
+    return None
+
+
+def _ring(groups: Sequence[frozenset[int]], bonds: Sequence[_Bond], dataset: Dataset) -> frozenset[int] | None:
+    """Groups that have enough in common all together, though no two of them have (three robots, each pair with one
+    landmark): those that have least are left out until the rest has enough."""
+    left = list(groups)
+    while len(left) > 2:
+        pairs = [(a, b, _between(a, b, bonds)) for a, b in itertools.combinations(left, 2)]
+        planar = all(bond.planar for _, _, bond in pairs)
+        marks = np.concatenate(
+            [np.unique(np.concatenate([_landmarks_of(dataset, r) for r in group])) for group in left]
+        )
+        _, known_by = np.unique(marks, return_counts=True)
+        held = (2 if planar else 3) * int((known_by - 1).sum()) + sum(bond.numbers for _, _, bond in pairs)
+        if held >= _need(planar) * (len(left) - 1):
+            return frozenset().union(*left)
+        weight = {g: sum(len(k.shared) + k.numbers for a, b, k in pairs if g in (a, b)) for g in left}
+        left.remove(min(left, key=lambda group: weight[group]))
+    return None
 
 
 # --- hints ----------------------------------------------------------------------------------------------------------
@@ -141,27 +210,39 @@ def _hints(dataset: Dataset, links: tuple[Link, ...], groups: tuple[tuple[int, .
     lonely = _seen_once(dataset)
     if lonely:
         some = ", ".join(names.landmark(k) for k in lonely[:5]) + (", ..." if len(lonely) > 5 else "")
-        yield f"{len(lonely)} landmarks were seen only once ({some}): nothing checks them"
+        were = "landmark was" if len(lonely) == 1 else "landmarks were"
+        yield f"{len(lonely)} {were} seen only once ({some}): nothing checks {'it' if len(lonely) == 1 else 'them'}"
     for group in groups[1:]:
-        who = " and ".join(names.robot(r) for r in group)
-        weak = [link for link in links if not link.holds and (set(link.robots) & set(group))]
-        found = max((link.landmarks for link in weak), default=0)
-        planar = all(dataset.robots[r] == 2 for r in group)
-        need = "two common landmarks" if planar else "three common landmarks"
-        share = f"only {found} common landmark" + "s" * (found != 1) if weak else "nothing in common"
-        first = " and ".join(names.robot(r) for r in groups[0])
-        yield (
-            f"robot {who} cannot be joined to robot {first}: {share}; "
-            f"{need}, or one sighting of a robot's pose, would join them"
-        )
+        yield _apart(dataset, groups, group, links)
     if dataset.truth is None:
         yield "no truth: errors cannot be scored"
+
+
+def _apart(dataset: Dataset, groups: Sequence[tuple[int, ...]], group: tuple[int, ...], links: Sequence[Link]) -> str:
+    """Why a group looks as if it could not be joined to the others, and what would join it."""
+    across = [link for link in links if len({*link.robots} & {*group}) == 1]
+    most = max((link.landmarks for link in across), default=0)
+    seen = sum(link.sightings for link in across)
+    shared = [f"at most {most} common landmark{'s' * (most != 1)} with any robot"] if most else []
+    shared += [f"{seen} sighting{'s' * (seen != 1)} of each other"] if seen else []
+    planar = all(dataset.robots[robot] == 2 for robot in dataset.robots)
+    need = "two common landmarks" if planar else "three common landmarks"
+    who, first = (_named_robots(dataset.names, robots) for robots in (group, groups[0]))
+    return (
+        f"{who} cannot be joined to {first}: {' and '.join(shared) or 'nothing in common'}; "
+        f"{need}, or one sighting of a robot's pose, would join them"
+    )
+
+
+def _named_robots(names: Names, robots: Sequence[int]) -> str:
+    *some, last = [names.robot(robot) for robot in robots]
+    return f"robots {', '.join(some)} and {last}" if some else f"robot {last}"
 
 
 def _robot_hints(dataset: Dataset, robot: int) -> Iterator[str]:
     name, poses = dataset.names.robot(robot), dataset.pose_keys[robot]
     if not len(poses):
-        yield f"robot {name} has no pose: none of its measurements can be placed"
+        yield f"robot {name} has no pose: nothing was measured from it"
         return
     stamps = dataset.names.stamps_s(poses)
     steps = np.diff(stamps)
@@ -169,9 +250,11 @@ def _robot_hints(dataset: Dataset, robot: int) -> Iterator[str]:
         gaps = np.flatnonzero(steps > GAP_FACTOR * usual)
         if len(gaps):
             worst = gaps[np.argmax(steps[gaps])]
+            unit = "counts" if dataset.names.counts else "s"
             yield (
-                f"robot {name}: {len(gaps)} gaps of more than {GAP_FACTOR * usual:.3g} s between poses, the longest "
-                f"{steps[worst]:.3g} s, {stamps[worst] - stamps[0]:.1f} s after its start"
+                f"robot {name}: {len(gaps)} gap{'s' * (len(gaps) != 1)} of more than {GAP_FACTOR * usual:.3g} {unit} "
+                f"between poses, the longest {steps[worst]:.3g} {unit}, {stamps[worst] - stamps[0]:.1f} {unit} after "
+                f"its start"
             )
     chained = _odometry_pairs(dataset, robot)
     broken = np.count_nonzero(~np.isin(poses[1:], chained)) if len(poses) > 1 else 0

@@ -1,7 +1,7 @@
 """The whole story in one page, in the paper's order:
 
 split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
--> what the map costs, and how exact the join is -> covariances -> score against the truth, where there is one
+-> how exact the join is -> how well the map fits -> covariances -> score against the truth, where there is one
 """
 
 import time
@@ -30,6 +30,7 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options
+from teamslam.trust import Verdict, verdict
 from teamslam.wire.pieces import write_pieces
 
 T = TypeVar("T")
@@ -45,7 +46,7 @@ class Result:
 
     `map` is the first component: the one of the lowest robot. `covariances`, `costs` and `scores` have those of each;
     a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
-    is empty for full least squares.
+    is empty for full least squares. `verdict` says how well the map fits.
     """
 
     config: Config
@@ -54,6 +55,7 @@ class Result:
     joined: Joined
     covariances: tuple[Covariances, ...]
     costs: tuple[Cost | None, ...]
+    verdict: Verdict
     scores: tuple[Report, ...]
     seconds: dict[str, float]
 
@@ -101,13 +103,14 @@ def run(
     if config.method == "join":
         clock.start("exactness")
         joined = with_exactness(joined, pairs(pieces, submaps))
-    clock.start("cost")
-    costs = tuple(cost_of(component.map, log.tables) for component in joined.components)
+    clock.start("verdict on the fit")
+    judged = verdict(log, joined)
+    costs = tuple(part.cost for part in judged.parts) or tuple(cost_of(c.map, log.tables) for c in joined.components)
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     clock.start("score")
     scores = scores_of(joined, covariances, dataset.truth)
-    return Result(config, dataset, submaps, joined, covariances, costs, scores, clock.stop())
+    return Result(config, dataset, submaps, joined, covariances, costs, judged, scores, clock.stop())
 
 
 def refuse_workers(config: Config) -> None:

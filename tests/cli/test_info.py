@@ -27,5 +27,5 @@ def test_a_team_that_cannot_be_joined_ends_with_code_1_and_the_cure(teamslam, tm
     write(log, tmp_path / "log", "plain")
     called = teamslam("info", tmp_path / "log")
     assert called.code == 1
-    assert "robot 3 cannot be joined to robot 1 and 2: nothing in common" in called.out
+    assert "robot 3 cannot be joined to robots 1 and 2: nothing in common" in called.out
     assert "2 groups of robots" in called.out

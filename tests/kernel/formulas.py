@@ -90,12 +90,11 @@ def minus(a, b):
 
 
 def tangent_basis(z):
-    """Duff et al. 2017: the kernel's documented basis."""
-    s = np.copysign(1.0, z[2])
-    a = -1.0 / (s + z[2])
-    b1 = [1 + s * a * z[0] ** 2, s * a * z[0] * z[1], -s * z[0]]
-    b2 = [a * z[0] * z[1], s + a * z[1] ** 2, -z[1]]
-    return np.array([b1, b2]).T
+    """Towards rising azimuth and towards rising elevation: the derivatives of z = (cos a cos b, sin a cos b, sin b)."""
+    azimuth, elevation = np.arctan2(z[1], z[0]), np.arctan2(z[2], np.hypot(z[0], z[1]))
+    east = [-np.sin(azimuth), np.cos(azimuth), 0.0]
+    north = [-np.cos(azimuth) * np.sin(elevation), -np.sin(azimuth) * np.sin(elevation), np.cos(elevation)]
+    return np.array([east, north]).T
 
 
 def bearing_residual(z, h):

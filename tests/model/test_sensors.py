@@ -72,15 +72,17 @@ def test_whitening_multiplies_the_residual(rng: np.random.Generator, setting: Se
 
 @given(generators, settings_drawn)
 def test_a_sensor_sees_from_where_it_sits(rng: np.random.Generator, setting: Setting) -> None:
-    """Seeing with a sensor at pose S in the body is seeing from a robot that stands at body @ S."""
+    """Seeing with a sensor at pose S in the body is seeing from a robot that stands at body @ S; measuring a sensor at
+    S in the world is measuring a robot that stands at body @ S."""
     values = world(rng, setting)
     if setting.robot is Kind.POSE2 and setting.dim == 3:
         return  # a tilted sensor on a planar robot stands at a pose that no planar robot has
     for table in every_table(rng, values, setting):
         if table.sensor is None:
             continue
-        stand = values.poses_of(OBSERVERS, setting.robot.dim) @ table.sensor
-        there = values.update(Values.of({setting.robot: (OBSERVERS, stand)}))
+        carriers = OTHERS if table.row.unary else OBSERVERS  # what was measured in the world, or who measured
+        stand = values.poses_of(carriers, setting.robot.dim) @ table.sensor
+        there = values.update(Values.of({setting.robot: (carriers, stand)}))
         plain = Table(1, "s", table.model, table.dim, table.keys, table.values, table.whitening, table.ids)
         assert_allclose(plain.predict(there), table.predict(values), atol=1e-11)
 

@@ -87,6 +87,7 @@ def test_what_is_no_covariance_is_refused(covariance: Array, reason: str) -> Non
     [
         ({"model": "smell"}, "unknown model 'smell'; known are relative_pose, point"),
         ({"dim": 4}, "found dimension 4"),
+        ({"sensor": Pose.identity(3)}, "mounted in space cannot measure in the plane"),
         ({"keys": KEYS[:, :1]}, r"keys should have shape \(4, 2\), found \(4, 1\)"),
         ({"values": np.zeros((4, 3))}, r"values should have shape \(4, 2\), found \(4, 3\)"),
         ({"values": np.zeros((3, 2))}, r"values should have shape \(4, 2\), found \(3, 2\)"),

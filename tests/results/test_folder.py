@@ -14,8 +14,8 @@ from teamslam.results.figures import headline
 from worlds import team
 
 PARTS = {
-    "config.toml", "figures", "history.csv", "landmarks.csv", "log.npz", "map.npz", "maps", "report.json", "team.csv",
-    "trajectories.csv", "tum",
+    "config.toml", "figures", "history.csv", "landmarks.csv", "log.npz", "map.npz", "maps", "report.json",
+    "residuals.csv", "team.csv", "trajectories.csv", "tum",
 }  # fmt: skip
 
 
@@ -36,10 +36,11 @@ def test_a_run_survives_its_folder(result: Result, tmp_path: Path) -> None:
 
 
 def test_figures_are_drawn_into_the_folder(result: Result, tmp_path: Path) -> None:
-    """All four of a run with truth."""
+    """All of a run with truth."""
     write_run(result, tmp_path / "run")
     drawn = {p.name for p in (tmp_path / "run" / "figures").iterdir()}
-    assert drawn == {"map.png", "convergence.png", "errors.png", "consistency.png"}
+    names = ("map", "convergence", "residuals", "residuals_by_landmark", "errors", "consistency")
+    assert drawn == {f"{name}.png" for name in names}
 
 
 def test_plain_arrays_are_the_map(result: Result, tmp_path: Path) -> None:

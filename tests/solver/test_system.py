@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import oracle
+from sightings import SETTINGS, Setting, every_table, world
 from teamslam.geometry import Pose
 from teamslam.joining import build, split
 from teamslam.model import LOSSES, Loss, Values
@@ -33,6 +34,21 @@ def test_tables_linearise_as_differences_do(world: str, loss: str) -> None:
     assert at.cost == pytest.approx(oracle.cost(list(dataset.tables), [], values), rel=1e-12)
     np.testing.assert_allclose(at.hessian.to_csr().toarray(), h, atol=1e-6 * np.abs(h).max())
     np.testing.assert_allclose(at.gradient, g, atol=1e-6 * np.abs(g).max())
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=str)
+def test_every_sensor_weighs_its_noise_in_the_coordinates_of_its_model(setting: Setting) -> None:
+    """Whitening that mixes and scales the rows of a residual tells one set of axes from another."""
+    rng = np.random.default_rng(0)
+    truth = world(rng, setting)
+    values = perturbed(truth, 1, 0.3)
+    for table in every_table(rng, truth, setting):
+        system = System(values.layout, tables=[table])
+        assert system.cost(values) == pytest.approx(oracle.cost([table], [], values), rel=1e-9), table.model
+        h, g = oracle.normal_equations([table], [], values, np.arange(values.layout.dof))
+        at = system.linearise(values)
+        np.testing.assert_allclose(at.gradient, g, atol=1e-6 * np.abs(g).max(), err_msg=table.model)
+        np.testing.assert_allclose(at.hessian.to_csr().toarray(), h, atol=1e-6 * np.abs(h).max(), err_msg=table.model)
 
 
 @pytest.mark.parametrize("world", WORLDS)

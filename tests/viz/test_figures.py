@@ -1,6 +1,7 @@
 """Figures say what they show, draw without a display, and leave matplotlib as it was."""
 
 import io
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -9,7 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from teamslam.errors import InputError
-from teamslam.viz import ErrorTrack, Scene, draw_consistency, draw_convergence, draw_errors, draw_map, draw_maps
+from teamslam.viz import (
+    ErrorTrack,
+    ResidualTrack,
+    Scene,
+    draw_consistency,
+    draw_convergence,
+    draw_errors,
+    draw_map,
+    draw_maps,
+    draw_residuals,
+    draw_residuals_by_landmark,
+)
 
 
 def texts(figure: Figure) -> str:
@@ -120,3 +132,46 @@ def test_nothing_to_draw_is_an_error_that_says_why(draw) -> None:
     """An empty figure would look like a result."""
     with pytest.raises(InputError, match="to draw"):
         draw()
+
+
+def left(robots: int = 2, landmarks: int = 3, rows: int = 60) -> list[ResidualTrack]:
+    """Residuals of unit size: odometry and sightings of landmarks by robots called 'robot-0', ..."""
+    rng = np.random.default_rng(8)
+    found = []
+    for number in range(robots):
+        for source, targets in (("odometry", ["robot"]), ("landmarks", [f"landmark {n}" for n in range(landmarks)])):
+            size = np.abs(rng.standard_normal(rows)) * (1 + number)
+            at = rng.integers(0, len(targets), rows)
+            found.append(
+                ResidualTrack(f"robot-{number}", source, np.arange(rows, dtype=float), size, at, tuple(targets))
+            )
+    return found
+
+
+def test_residuals_are_drawn_by_robot_and_sensor() -> None:
+    """Every robot and every sensor by name; what is not drawn is said; stamps that nobody knows are no matter."""
+    written = texts(draw_residuals(left(), caption="a team"))
+    for word in ("robot-0", "robot-1", "odometry", "landmarks", "a team", "sigma"):
+        assert word in written
+    many = texts(draw_residuals(left(robots=12)))
+    assert "8 of 12 robots whose residuals are largest" in many and "robot-11" in many and "robot-0" not in many
+    timeless = [replace(track, stamps_s=np.full(60, np.nan)) for track in left(1)]
+    assert image(draw_residuals(timeless))
+    with pytest.raises(InputError):
+        draw_residuals([])
+
+
+def test_residuals_are_drawn_by_landmark() -> None:
+    """The worst first, each robot's by its name."""
+    tracks = [track for track in left() if track.source == "landmarks"]
+    figure = draw_residuals_by_landmark(tracks)
+    written = texts(figure)
+    for word in ("robot robot-0", "robot robot-1", "landmark", "0", "1", "2"):
+        assert word in written
+    medians = [np.median(np.concatenate([t.size[t.target == n] for t in tracks])) for n in range(3)]
+    labels = [int(label.get_text()) for label in figure.axes[0].get_xticklabels()]
+    assert labels == np.argsort(-np.array(medians)).tolist()
+    many = [track for track in left(1, landmarks=60, rows=600) if track.source == "landmarks"]
+    assert "40 of 60 landmarks whose residuals are largest" in texts(draw_residuals_by_landmark(many))
+    with pytest.raises(InputError):
+        draw_residuals_by_landmark([])

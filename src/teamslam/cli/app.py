@@ -10,7 +10,7 @@ from cyclopts import App, CycloptsError
 from teamslam import __version__
 from teamslam.cli.build import build
 from teamslam.cli.codes import BAD_INPUT, DONE, PARTLY
-from teamslam.cli.console import complain
+from teamslam.cli.console import complain, screen
 from teamslam.cli.convert import convert
 from teamslam.cli.demo import demo
 from teamslam.cli.exchange import exchange
@@ -47,9 +47,10 @@ for command in (demo, run, simulate, convert, info, score, plot, paper, split, b
 def called(arguments: Sequence[str] | None) -> int:
     """Run one command and return its exit code; `arguments` None takes those of the process."""
     try:
-        command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
+        command, bound, _ = app.parse_args(arguments, console=screen(), exit_on_error=False, print_error=False)
         return command(*bound.args, **bound.kwargs) or DONE
-    except CycloptsError:
+    except CycloptsError as error:
+        complain(f"{str(error).strip()} See: teamslam {' '.join([*(error.command_chain or ()), '--help'])}")
         return BAD_INPUT
     except SolveError as error:
         complain(str(error))

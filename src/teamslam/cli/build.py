@@ -5,12 +5,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole, Whole
+
 
 def build(
     *inputs: Path,
     out: Path,
-    version: int = 0,
-    poses_per_piece: int | None = None,
+    version: Whole = 0,
+    poses_per_piece: MaybeWhole = None,
     format: str | None = None,
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
@@ -41,6 +43,7 @@ def build(
     """
     from teamslam.cli.console import complain, progress_bar, say
     from teamslam.cli.pieces import pieces_in
+    from teamslam.cli.words import counted
     from teamslam.errors import InputError, SolveError
     from teamslam.io import write_submaps
     from teamslam.joining import build as build_submap
@@ -57,14 +60,17 @@ def build(
     submaps, failed = [], len(damaged)
     with progress_bar(quiet) as progress:
         for number, piece in enumerate(pieces, 1):
-            progress("building submaps", number, len(pieces))
             try:
                 submaps.append(build_submap(piece, version=version))
             except SolveError as error:
                 failed += 1
                 complain(f"piece {number} of {len(pieces)} gave no submap: {error}")
+            progress("building submaps", number, len(pieces))
+    if not submaps:
+        raise SolveError("no piece gave a submap; see the reasons above")
     with whole_folder(out) as draft:
         write_submaps(submaps, draft)
     if not quiet:
-        say(f"written: {out}: {len(submaps)} submaps of {len({r for s in submaps for r in s.robots})} robots")
+        robots = {robot for submap in submaps for robot in submap.robots}
+        say(f"written: {out}: {counted(len(submaps), 'submap')} of {counted(len(robots), 'robot')}")
     return 1 if failed else 0

@@ -10,6 +10,11 @@ if TYPE_CHECKING:
     from teamslam.pipeline import Progress
 
 
+def screen() -> "Console":
+    """The console of help, as wide as the terminal, or 80 letters."""
+    return _console()
+
+
 def stdout() -> "Console":
     """The console of results; as wide as it needs where nobody watches, so that piped tables are not cut."""
     console = _console()

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import Whole
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 def demo(
     *,
     out: Path = Path("demo"),
-    seed: int = 1,
+    seed: Whole = 1,
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Simulate two teams, map them by joining and by full least squares, and draw what comes out.
@@ -46,10 +48,10 @@ def demo(
     from teamslam.cli.console import progress_bar, say, table
     from teamslam.cli.words import comparison
     from teamslam.pipeline import run
-    from teamslam.results import write_run
+    from teamslam.results import made_folder, write_run
     from teamslam.results.figures import save
 
-    out.mkdir(parents=True, exist_ok=True)
+    made_folder(out)
     code, drawn, every = DONE, {}, []
     for name, (kind, dataset) in demo_teams(seed).items():
         records = {}

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole
+
 if TYPE_CHECKING:
     from teamslam.model import Names
-    from teamslam.team import Ledger
+    from teamslam.team import Ledger, Plan
 
 
 def exchange(
@@ -16,12 +18,12 @@ def exchange(
     /,
     *,
     topology: Literal["star", "all"] = "star",
-    shift: float = 0.03,
-    information: float = 0.01,
+    shift: float | None = None,
+    information: float | None = None,
     to_the_bit: Annotated[bool, Parameter(negative="")] = False,
     landmarks: Annotated[bool, Parameter(negative="")] = False,
-    keyframe: int | None = None,
-    poses_per_piece: int | None = None,
+    keyframe: MaybeWhole = None,
+    poses_per_piece: MaybeWhole = None,
     format: str | None = None,
     ledger: Path | None = None,
 ) -> int:
@@ -53,9 +55,10 @@ def exchange(
     topology
         star: every robot sends to the first. all: everyone sends to everyone.
     shift
-        How far rounding may move the map, in sigmas, for each message.
+        How far rounding may move the estimate in each message, in its own sigmas; 0.03 without it, 0 for not at all.
     information
-        How far rounding may change what a message knows, as a share, in any direction.
+        How far rounding may change what a message knows, as a share, in any direction; 0.01 without it, 0 for not at
+        all.
     to_the_bit
         Round nothing.
     landmarks
@@ -71,19 +74,54 @@ def exchange(
     """
     from teamslam.cli.console import progress_bar, say, table
     from teamslam.cli.pieces import pieces_of
+    from teamslam.errors import InputError
     from teamslam.joining import build
     from teamslam.team import plan
-    from teamslam.wire import EXACT, KINDS, Precision
+    from teamslam.wire import EXACT, Precision
 
-    precision = EXACT if to_the_bit else Precision(shift, information)
+    if to_the_bit and (shift is not None or information is not None):
+        raise InputError("--to-the-bit rounds nothing: leave out --shift and --information")
+    if ledger is not None and ledger.is_dir():
+        raise InputError("the ledger is a folder; expected a file to write", path=ledger)
+    near = Precision()
+    precision = (
+        EXACT
+        if to_the_bit
+        else Precision(
+            near.shift_sigma if shift is None else shift, near.information if information is None else information
+        ).as_limit()
+    )
     pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)
     team = []
     with progress_bar() as progress:
         for number, piece in enumerate(pieces, 1):
-            progress("building submaps", number, len(pieces))
             team.append((piece, build(piece)))
-    found = plan(team, precision, topology=topology, landmarks=landmarks)
-    names = pieces[0].names
+            progress("building submaps", number, len(pieces))
+    found, names = plan(team, precision, topology=topology, landmarks=landmarks), pieces[0].names
+    if found.links:
+        table(f"{log}: bytes on each link", *_costs(found, names), left=1)
+    else:
+        say(f"{log}: one robot, nothing to exchange")
+    worst = [offer.pick.rounding for offer in found.offers]
+    if to_the_bit:
+        say("to the bit: nothing is rounded")
+    else:
+        say(
+            f"rounded: the estimate of a message by at most {max(r.shift_sigma for r in worst):.3f} sigma, "
+            f"its information by at most {max(r.information for r in worst):.1%} in any direction"
+        )
+    for dropped in pieces[0].dropped:
+        say(f"left out: {dropped.count}: {dropped.reason}")
+    if ledger is not None:
+        _write_ledger(found.ledger(), names, ledger)
+        say(f"written: {ledger}")
+    return 0
+
+
+def _costs(found: "Plan", names: "Names") -> tuple[list[str], list[list[str]]]:
+    """The table of bytes: a row a link, a column a kind of message, and what is sent."""
+    from teamslam.wire import KINDS
+
     ledgers = {kind: found.ledger(kind).by_link() for kind in KINDS}
     sent = found.ledger()
     rows = []
@@ -94,14 +132,7 @@ def exchange(
         rows.append([f"{names.robot(link[0])} to {names.robot(link[1])}", str(len(picks)), *cells, f"{cost:,}", picked])
     totals = [f"{found.ledger(kind).total:,}" for kind in KINDS]
     rows.append(["all", str(len(sent.lines)), *totals, f"{sent.total:,}", ""])
-    if ledger is not None:
-        _write_ledger(sent, names, ledger)
-    table(f"{log}: bytes on each link", ["link", "messages", *KINDS, "sent", "as"], rows)
-    worst = max((offer.pick.rounding.shift_sigma for offer in found.offers), default=0.0)
-    say("to the bit" if to_the_bit else f"rounded: a message moves the map by at most {worst:.3f} sigma")
-    if keyframe is not None and pieces[0].dropped:
-        say(f"left out: {pieces[0].dropped[-1].count} {pieces[0].dropped[-1].reason}")
-    return 0
+    return ["link", "messages", *KINDS, "sent", "as"], rows
 
 
 def _write_ledger(sent: "Ledger", names: "Names", path: Path) -> None:

@@ -20,7 +20,14 @@ def drawn(record: "Record", folder: Path, progress: "Progress") -> bool:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted while drawing; {later}") from None
     except Exception as error:
-        complain(f"the figures could not be drawn ({type(error).__name__}: {error}); {later}")
+        complain(f"the figures could not be drawn ({_said(error)}); {later}")
         return False
     progress("drawing", 1, 1)
     return True
+
+
+def _said(error: Exception) -> str:
+    """What an error says of itself, in one line."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return f"{type(error).__name__}: {error}"

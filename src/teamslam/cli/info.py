@@ -1,6 +1,11 @@
 """`teamslam info`: what a log holds, what is wrong with it, and whether its robots can be joined."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from teamslam.inspection import Inspection
+    from teamslam.model import Names
 
 
 def info(input: Path, /, *, format: str | None = None) -> int:
@@ -22,7 +27,9 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     format
         The format of the input, where it cannot be told from its looks.
     """
+    from teamslam.cli.codes import DONE, PARTLY
     from teamslam.cli.console import pairs, say, table
+    from teamslam.cli.words import counted
     from teamslam.inspection import inspect
     from teamslam.io import read
 
@@ -32,42 +39,43 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     pairs(
         str(input),
         [
-            ("robots", ", ".join(f"{names.robot(r)} ({kinds[d]})" for r, d in sorted(found.robots.items()))),
-            ("poses", f"{sum(found.poses.values())}"),
-            ("landmarks", f"{found.landmarks}"),
+            ("robots", ", ".join(f"{names.robot(r)} ({kinds[d]})" for r, d in sorted(found.robots.items())) or "none"),
+            ("poses", f"{sum(found.poses.values()):,}"),
+            ("landmarks", f"{found.landmarks:,}"),
             ("truth", "yes" if found.has_truth else "no"),
             *(("read", note) for note in dataset.notes),
-            ("dropped", f"{sum(d.count for d in dataset.dropped)} rows"),
+            ("dropped", counted(sum(d.count for d in dataset.dropped), "row")),
             *(("", f"{d.count}: {d.reason}") for d in dataset.dropped),
         ],
     )
-    start_s = min((c.start_s for c in found.counts), default=0.0)
-    rows = [
-        [
-            names.robot(c.robot),
-            c.source,
-            c.model,
-            str(c.rows),
-            f"{c.start_s - start_s:.2f}",
-            f"{c.stop_s - start_s:.2f}",
-        ]
-        for c in found.counts
-    ]
-    table("What was measured", ["robot", "source", "model", "rows", "from [s]", "to [s]"], rows)
-    say(f"  time counts from {start_s:.6f} s")
-    links = [
-        [
-            " - ".join(names.robot(r) for r in link.robots),
-            str(link.landmarks),
-            str(link.sightings),
-            "yes" if link.holds else "not alone",
-        ]
-        for link in found.links
-    ]
+    if found.counts:
+        table("What was measured", *_measured(found, names), left=3)
     if len(found.robots) > 1:
+        links = [
+            [
+                " - ".join(names.robot(r) for r in link.robots),
+                str(link.landmarks),
+                str(link.sightings),
+                "yes" if link.holds else "not alone",
+            ]
+            for link in found.links
+        ]
         table("What connects the robots", ["pair", "common landmarks", "sightings", "enough"], links)
     for hint in found.hints:
         say(f"! {hint}")
     if len(found.groups) > 1:
-        say(f"{len(found.groups)} groups of robots: they will come out as separate maps")
-    return 0 if len(found.groups) <= 1 else 1
+        say(f"{len(found.groups)} groups of robots, as far as counting tells: expect as many maps")
+    return DONE if len(found.groups) <= 1 else PARTLY
+
+
+def _measured(found: "Inspection", names: "Names") -> tuple[list[str], list[list[str]]]:
+    """The table of what was measured: from the first pose concerned to the last, counted from the log's first."""
+    start = min(c.start_s for c in found.counts)
+    digits, unit = (0, "") if names.counts else (2, " [s]")
+    rows = [
+        [names.robot(c.robot), c.source, c.model, f"{c.rows:,}"]
+        + [f"{stamp - start:.{digits}f}" for stamp in (c.start_s, c.stop_s)]
+        for c in found.counts
+    ]
+    zero = f"pose {start:.0f}" if names.counts else f"{start:.6f} s"
+    return ["robot", "source", "model", "rows", f"from{unit}", f"to{unit}, counted from {zero}"], rows

@@ -1,19 +1,24 @@
 """`teamslam join`: submap files in, one map out (Algorithm 2); bad submaps are refused and the rest is joined."""
 
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from teamslam.cli.sources import Truth
     from teamslam.joining import Component, Cost, Joined
     from teamslam.model import Dataset, Submap, Table, Values
     from teamslam.pipeline import Clock, Progress
     from teamslam.results.record import Record
     from teamslam.scale import Workers
     from teamslam.team import Admission
+    from teamslam.trust import Verdict
 
     Pairs = list[tuple[Dataset, Submap]]
 
@@ -24,7 +29,7 @@ def join(
     truth: Path | None = None,
     pieces: Path | None = None,
     without: Annotated[list[str] | None, Parameter(negative="")] = None,
-    workers: int | None = None,
+    workers: MaybeWhole = None,
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
@@ -90,16 +95,16 @@ def join(
     refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[*maps, *(p for p in (truth, pieces) if p)])
     if not maps:
         raise InputError("name the submap files to join, or folders of them")
-    if piece_files(maps):
-        raise InputError(
-            "these are pieces of a log, not built yet; make submaps of them: `teamslam build`", path=maps[0]
-        )
+    if found := piece_files(maps):
+        raise InputError("this is a piece of a log, not built yet; make submaps first: `teamslam build`", path=found[0])
     admitted = admit(maps, without=without or ())
     for refusal in admitted.refused:
         complain(f"refused: {refusal.name}: {refusal.reason}")
     if not admitted.good:
         raise InputError("none of these can be joined; see the reasons above")
     known = truth_in(truth) if truth is not None else None
+    if known is not None and len(known.parts) > 1:
+        raise InputError(f"this run holds {len(known.parts)} maps in frames of their own; give one truth", path=truth)
     beside = _pieces_of(admitted.good, pieces)
     crew, pictured = workers_for(workers, cluster), True
     with progress_bar(quiet) as progress:
@@ -133,7 +138,7 @@ def _pieces_of(submaps: "Sequence[Submap]", pieces: Path | None) -> "Pairs | Non
 
 def _joined(
     admitted: "Admission",
-    truth: "Values | None",
+    truth: "Truth | None",
     pieces: "Pairs | None",
     workers: "Workers | None",
     parts: Path | None,
@@ -150,6 +155,7 @@ def _joined(
     from teamslam.pipeline import Clock, Result, scores_of
     from teamslam.results.record import Record
     from teamslam.solver import Covariances
+    from teamslam.trust import unknown
 
     clock = Clock(progress)
     if workers is None or parts is None:
@@ -160,16 +166,19 @@ def _joined(
     if pieces:
         clock.start("exactness")
         joined = with_exactness(joined, pieces)
+    clock.start("verdict on the fit")
     costs = tuple(_cost(component, pieces or []) for component in joined.components)
+    judged = _verdict(joined, pieces) if None not in costs else unknown(_lacking(pieces, len(admitted.good)))
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     poses = {int(key): kind for c in joined.components for key, kind in _pose_kinds(c.map.all_values)}
     robots = {int(robot_of(key)): 2 + kind for key, kind in poses.items()}
     raw = tuple(_of_robots(table, robots) for submap in admitted.good for table in submap.raw)
-    team = Dataset(robots, raw, joined.map.names, truth, origin=", ".join(map(str, maps)))
+    known = None if truth is None else _truth_of(joined, truth)
+    team = Dataset(robots, raw, joined.map.names, known, origin=", ".join(map(str, maps)))
     clock.start("score")
-    scores = scores_of(joined, covariances, truth)
-    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, scores, clock.stop()))
+    scores = scores_of(joined, covariances, known)
+    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, judged, scores, clock.stop()))
     marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
     held = {
         "inputs": [str(path) for path in maps],
@@ -180,8 +189,15 @@ def _joined(
         "without": list(admitted.left_out),
     }
     if record.report["exactness"] is None and None in costs:
-        held["exactness_unknown"] = _lacking(pieces, len(admitted.good))
+        held["exactness_unknown"] = f"unknown: {_lacking(pieces, len(admitted.good))}"
     return replace(record, report={**record.report, **held})
+
+
+def _truth_of(joined: "Joined", truth: "Truth") -> "Values":
+    """What the truth knows of all components, under their keys."""
+    from teamslam.model import Values
+
+    return reduce(lambda known, part: known.update(truth.of(part.map)), joined.components, Values.of({}))
 
 
 def _cost(component: "Component", pieces: "Pairs") -> "Cost | None":
@@ -196,11 +212,21 @@ def _cost(component: "Component", pieces: "Pairs") -> "Cost | None":
     return cost_of(component.map, [table for piece, _ in here for table in piece.tables])
 
 
+def _verdict(joined: "Joined", pieces: "Pairs | None") -> "Verdict":
+    """How well the map fits the pieces of log that its submaps were built of."""
+    from teamslam.model import Dataset
+    from teamslam.trust import verdict
+
+    logs = [piece for piece, _ in pieces or []]
+    robots = {robot: dim for log in logs for robot, dim in log.robots.items()}
+    return verdict(Dataset(robots, tuple(table for log in logs for table in log.tables), joined.map.names), joined)
+
+
 def _lacking(pieces: "Pairs | None", submaps: int) -> str:
     """Why nobody knows how exact the join is."""
     if pieces is None:
-        return "unknown: the measurements are not at hand; --pieces brings them"
-    return f"unknown: among --pieces are those of {len(pieces)} of the {submaps} submaps only"
+        return "the measurements are not at hand; --pieces brings them"
+    return f"among --pieces are those of {len(pieces)} of the {submaps} submaps only"
 
 
 def _of_robots(table: "Table", robots: "Mapping[int, int]") -> "Table":

@@ -1,16 +1,15 @@
 """`teamslam paper`: the paper's simulation again, its Tables 1 and 2 and its Figures 2, 3 and 4."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
+from teamslam.cli.numbers import Whole, Wholes
 
 
 def paper(
     *,
-    runs: int = 50,
-    poses: Annotated[tuple[int, ...], Parameter(negative="")] = (4, 12),
-    seed: int = 0,
+    runs: Whole = 50,
+    poses: Wholes = (4, 12),
+    seed: Whole = 0,
     out: Path = Path("paper"),
 ) -> int:
     """Run the paper's simulation many times; print Tables 1 and 2 beside its figures, and draw Figures 2, 3 and 4.
@@ -42,9 +41,10 @@ def paper(
     from teamslam.io.files.text import write_text
     from teamslam.paper.figures import figures_of_paper
     from teamslam.paper.reproduction import reproduce
+    from teamslam.results import made_folder
     from teamslam.results.figures import save
 
-    out.mkdir(parents=True, exist_ok=True)  # before all the work: what cannot be written is known now
+    made_folder(out)  # before all the work: what cannot be written is known now
     with progress_bar() as progress:
         found = reproduce(runs, poses, seed, progress)
     say(str(found))

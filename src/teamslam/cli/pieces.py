@@ -13,6 +13,7 @@ def pieces_of(
 ) -> "list[Dataset]":
     """The pieces of a log. InputError where it cannot be read."""
     from teamslam.config import SplitOptions
+    from teamslam.errors import InputError
     from teamslam.frontend.thin import keyframe as thin
     from teamslam.io import read
     from teamslam.joining import split
@@ -21,7 +22,10 @@ def pieces_of(
     dataset = read(log, format=format)
     if keyframe is not None:
         dataset = thin(dataset, every=keyframe)
-    return split(dataset, poses_per_piece=options.poses_per_piece, heading_sigma=options.heading_sigma)
+    pieces = split(dataset, poses_per_piece=options.poses_per_piece, heading_sigma=options.heading_sigma)
+    if not pieces:
+        raise InputError("this log holds no measurement; there is nothing to cut into pieces", path=log)
+    return pieces
 
 
 def pieces_in(
@@ -34,7 +38,14 @@ def pieces_in(
     from teamslam.model import Dataset
     from teamslam.wire.pieces import piece_files, read_piece
 
-    if files := piece_files(paths):
+    if files := list(dict.fromkeys(piece_files(paths))):
+        for path in paths:
+            if not piece_files([path]):
+                raise InputError("this holds no piece, unlike the others; build one kind of input at a time", path=path)
+        if format is not None or poses_per_piece is not None:
+            raise InputError(
+                "these are pieces, cut before: --format and --poses-per-piece are for a log", path=paths[0]
+            )
         contents, damaged = [], []
         for file in files:
             try:

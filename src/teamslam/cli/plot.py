@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+from teamslam.cli.numbers import MaybeWhole
 
-def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int | None = None) -> int:
+
+def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: MaybeWhole = None) -> int:
     """Draw the figures of a run: map with ellipses and truth, convergence, errors over time, consistency.
 
     ```
@@ -26,7 +28,7 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int |
     """
     from teamslam.cli.console import say
     from teamslam.errors import InputError
-    from teamslam.results import draw_record, read_run
+    from teamslam.results import draw_record, read_run, with_residuals
 
     if type not in ("png", "pdf", "svg"):
         raise InputError(f"unknown type of figure '{type}'; choose png, pdf or svg")
@@ -34,6 +36,6 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: int |
         raise InputError(f"--dpi is for png; a figure in {type} has no dots")
     if dpi is not None and not 20 <= dpi <= 1200:
         raise InputError(f"--dpi is a number from 20 to 1200, found {dpi}")
-    for file in draw_record(read_run(run), out or run / "figures", type=type, dpi=dpi):
+    for file in draw_record(with_residuals(read_run(run), run), out or run / "figures", type=type, dpi=dpi):
         say(f"written: {file}")
     return 0

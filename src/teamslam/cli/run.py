@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teamslam.cli.numbers import MaybeWhole
+
 
 def run(
     input: Path,
@@ -18,7 +20,7 @@ def run(
     loss_scale: float | None = None,
     config: Path | None = None,
     format: str | None = None,
-    workers: int | None = None,
+    workers: MaybeWhole = None,
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,

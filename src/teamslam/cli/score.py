@@ -20,12 +20,19 @@ def score(map: Path, truth: Path, /) -> int:
     truth
         A log that holds the truth, or another run folder.
     """
+    from dataclasses import replace
+
     from teamslam.cli.console import say
     from teamslam.cli.sources import maps_in, truth_in
     from teamslam.metrics import score as score_map
+    from teamslam.solver import Covariances
 
-    for number, submap in enumerate(maps := maps_in(map), start=1):
-        if len(maps) > 1:
-            say(f"component {number}:")
-        say(str(score_map(submap, truth_in(truth))))
+    maps, known = maps_in(map), truth_in(truth)
+    if known.is_map:
+        say(f"{truth} holds no truth but another map: these are differences, not errors")
+    for number, submap in enumerate(maps, start=1):
+        found = score_map(submap, known.of(submap), covariances=Covariances.of_map(submap))
+        if known.is_map:  # made of the same measurements, perhaps: its covariances say nothing about the difference
+            found = replace(found, consistency=None)
+        say(f"component {number}: {found}" if len(maps) > 1 else str(found))
     return 0

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from teamslam.sim import Options, PaperOptions, Robot, Sensor
 
+from teamslam.cli.numbers import MaybeWhole, Whole
+
 
 def simulate(
     out: Path,
     /,
     *,
     preset: str = "planar",
-    seed: int = 0,
-    robots: int | None = None,
-    poses: int | None = None,
-    landmarks: int | None = None,
+    seed: Whole = 0,
+    robots: MaybeWhole = None,
+    poses: MaybeWhole = None,
+    landmarks: MaybeWhole = None,
     path: str | None = None,
     outliers: float | None = None,
     dropouts: float | None = None,
@@ -77,7 +79,10 @@ def simulate(
     to
         The format to write; plain without it. See `teamslam convert --help`.
     """
+    from shlex import quote
+
     from teamslam.cli.console import say
+    from teamslam.cli.words import counted
     from teamslam.errors import InputError
     from teamslam.io import write
     from teamslam.sim import PRESETS
@@ -100,10 +105,11 @@ def simulate(
     dataset = simulate_team(options, seed)
     left_out = write(dataset, out, to)
     rows = sum(len(t) for t in dataset.tables)
-    say(f"written: {out}: {len(dataset.robots)} robots, {rows} measurements, with truth")
+    say(f"simulated: {counted(len(dataset.robots), 'robot', rows, 'measurement')}, and the truth")
+    say(f"written: {out}")
     for dropped in left_out:
-        say(f"no place for it in the output: {dropped.count}: {dropped.reason}")
-    say(f"next: teamslam run {out} --out {out}-map")
+        say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
+    say(f"next: teamslam run {quote(str(out))} --out {quote(f'{out}-map')}")
     return 0
 
 

@@ -1,10 +1,25 @@
 """Maps and truths from whatever the user points at."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from teamslam.model import Submap, Values
+    from teamslam.model import Names, Submap, Values
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a map is compared with: the truth in a log, or the maps of another run (`is_map`), each with its names."""
+
+    parts: "tuple[tuple[Values, Names], ...]"
+    is_map: bool
+
+    def of(self, map: "Submap") -> "Values":
+        """The part that knows most of a map, under the map's own keys. InputError where times cannot be compared."""
+        from teamslam.metrics import as_called
+
+        return max((as_called(values, names, map) for values, names in self.parts), key=len)
 
 
 def maps_in(path: Path) -> "tuple[Submap, ...]":
@@ -15,17 +30,15 @@ def maps_in(path: Path) -> "tuple[Submap, ...]":
     return read_run(path).maps if is_run(path) else tuple(read_submaps(path))
 
 
-def truth_in(path: Path) -> "Values":
-    """The truth in a log, or the map of another run or in a file of maps. InputError where there is none."""
+def truth_in(path: Path) -> Truth:
+    """The truth in a log, or the maps of another run. InputError where there is none."""
     from teamslam.errors import InputError
-    from teamslam.io import formats_of, read, read_maps
+    from teamslam.io import read
     from teamslam.results import is_run, read_run
 
     if path.is_dir() and is_run(path):
-        return read_run(path).maps[0].all_values
-    if [kind for kind, _ in formats_of(path)] == ["map"]:
-        return read_maps(path)[0].values
-    truth = read(path).truth
-    if truth is None:
+        return Truth(tuple((map.all_values, map.names) for map in read_run(path).maps), is_map=True)
+    log = read(path)
+    if log.truth is None:
         raise InputError("this log holds no truth; there is nothing to score against", path=path)
-    return truth
+    return Truth(((log.truth, log.names),), is_map=False)

@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
+from teamslam.cli.numbers import MaybeWhole
+
 
 def split(
     log: Path,
     /,
     *,
     out: Path,
-    poses_per_piece: int | None = None,
-    keyframe: int | None = None,
+    poses_per_piece: MaybeWhole = None,
+    keyframe: MaybeWhole = None,
     format: str | None = None,
 ) -> int:
     """Cut a log into pieces of one robot each, so that each submap is easy to build.
@@ -40,6 +42,7 @@ def split(
     """
     from teamslam.cli.console import say
     from teamslam.cli.pieces import pieces_of
+    from teamslam.cli.words import counted
     from teamslam.results import refuse_to_overwrite, whole_folder
     from teamslam.wire.pieces import write_pieces
 
@@ -48,7 +51,7 @@ def split(
     with whole_folder(out) as draft:
         write_pieces(pieces, draft)
     robots = {piece.tables[0].robot for piece in pieces}
-    say(f"written: {out}: {len(pieces)} pieces of {len(robots)} robots")
-    for dropped in pieces[0].dropped if pieces else ():
-        say(f"left out: {dropped.count} rows: {dropped.reason}")
+    say(f"written: {out}: {counted(len(pieces), 'piece')} of {counted(len(robots), 'robot')}")
+    for dropped in pieces[0].dropped:
+        say(f"left out: {dropped.count}: {dropped.reason}")
     return 0

@@ -19,9 +19,11 @@ def outcome(report: Report) -> Rows:
         ("status", report["status"]),
         *_components(report),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
+        *_fit(report["fit"]),
         *_cost(report),
         *([("exactness", exactness(report))] if report["method"] == "join" else []),
         ("went in", counted(report["robots"], "robot", report["poses"], "pose", report["landmarks"], "landmark")),
+        *(("read", note) for note in report["notes"]),
         *_dropped(report),
         *_scores(report),
         *([] if len(parts) == 1 else _parts(parts)),
@@ -33,7 +35,28 @@ def _components(report: Report) -> Rows:
     if report["components"] == 1:
         return []
     said = f"{report['components']}: the team could not be joined into one map"
-    return [("components", said), *(("", reason) for reason in report["reasons"])]
+    frames = {part["frame"] for part in report["parts"]}
+    alike = f", though all are in {frames.pop()}" if len(frames) == 1 else ""
+    return [("components", said + alike), *(("", reason) for reason in report["reasons"])]
+
+
+def _fit(fit: Report) -> Rows:
+    """Whether the model fits, and where it does not, what it looks like and where to look."""
+    if fit["verdict"] == "unknown":
+        return [("fit", fit["sentence"])]
+    looks = [("looks like", cause["sentence"]) for cause in fit["causes"]]
+    return [("fit", fit["sentence"]), *looks, *(("most of it", _carrier(share)) for share in fit["carriers"])]
+
+
+def _carrier(share: Report) -> str:
+    return (
+        f"{share['what']}: {_times(share['ratio'])} times what is expected of {counted(share['rows'], 'row')}, "
+        f"{share['excess']:.0%} of the excess"
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:,.0f}" if ratio >= 10.0 else f"{ratio:.1f}"
 
 
 def _cost(report: Report) -> Rows:
@@ -76,17 +99,14 @@ def _dropped(report: Report) -> Rows:
 
 def _scores(report: Report) -> Rows:
     """Errors against the truth, each with what it rests on."""
-    compared, one = report["compared"], len(report["parts"]) == 1
+    compared, parts = report["compared"], report["parts"]
     if compared is None:
         return [("errors", "unknown: no truth")]
     if compared["note"] and not compared["poses"] and not compared["landmarks"]:
         return [("errors", f"unknown: {compared['note']}")]
-    aligned = "" if one else ", each part aligned by itself"
+    aligned = "" if len(parts) == 1 else ", each part aligned by itself"
     rows = [
-        (
-            f"{name} RMSE",
-            _error(report[field], compared[what], sum(part[what] for part in report["parts"]), what) + aligned,
-        )
+        (f"{name} RMSE", _error(report[field], compared[what], sum(part[what] for part in parts), what, aligned))
         for name, field, what in (
             ("robot position", "robot_position_rmse_m", "poses"),
             ("landmark", "landmark_rmse_m", "landmarks"),
@@ -97,10 +117,12 @@ def _scores(report: Report) -> Rows:
     return rows
 
 
-def _error(value: float | None, known: int, of: int, what: str) -> str:
+def _error(value: float | None, known: int, of: int, what: str, aligned: str) -> str:
     if value is None:
         return f"none: there are no {what}" if not of else f"unknown: the truth knows none of the {of} {what}"
-    return f"{value:.4f} m" + ("" if known == of else f" over the {known} of {of} {what} that the truth knows")
+    return (
+        f"{value:.4f} m" + ("" if known == of else f" over the {known} of {of} {what} that the truth knows") + aligned
+    )
 
 
 def _parts(parts: Sequence[Report]) -> Iterator[tuple[str, str]]:

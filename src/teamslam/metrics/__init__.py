@@ -4,6 +4,7 @@ from teamslam.metrics.accuracy import Accuracy, PairErrors, PerNumber, RobotErro
 from teamslam.metrics.bound import Bound, cramer_rao
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, fit_of
 from teamslam.metrics.frames import Aligned, align_team, truth_at_base
+from teamslam.metrics.naming import as_called
 from teamslam.metrics.report import Report, score
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "RobotErrors",
     "Track",
     "align_team",
+    "as_called",
     "cramer_rao",
     "errors_at_base",
     "fit_of",

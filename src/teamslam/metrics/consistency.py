@@ -123,13 +123,14 @@ class _Information:
     def of(cls, submap: Submap, known: Values) -> "_Information":
         from scipy.sparse.linalg import splu
 
-        layout = submap.values.layout
+        layout, none = submap.values.layout, sp.csr_array((known.layout.dof, 0))
+        if np.array_equal(layout.keys, known.layout.keys):
+            return cls(submap.information, none, None)
         mine = layout.unknowns(known.layout.keys)
         rest = np.setdiff1d(np.arange(layout.dof), mine)
-        rows = submap.information[mine]
-        across = rows[:, rest]
-        factor = splu(sp.csc_matrix(submap.information[rest][:, rest])) if len(rest) else None
-        return cls(rows[:, mine], across, factor)
+        rows, others = submap.information[mine], sp.csc_matrix(submap.information[rest][:, rest])
+        factor = splu(others, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return cls(rows[:, mine], rows[:, rest], factor)
 
     def times(self, error: Array) -> Array:
         out = self.known @ error
@@ -165,13 +166,12 @@ def _one_by_one(known: Values, estimate: Values, covariances: Marginals | None, 
     chosen = is_pose(layout.keys) == robots
     if covariances is None or not chosen.any():
         return None
-    error = known.minus(estimate)
-    nees, dofs = [], layout.dofs[chosen]
-    for start, dof, block in zip(
-        layout.dof_start[:-1][chosen], dofs, covariances.blocks(layout.keys[chosen]), strict=True
-    ):
-        e = error[start : start + dof]
-        nees.append(float(e @ np.linalg.solve(block, e)))
-    values = np.array(nees)
-    inside = values <= chi2_quantile(CONFIDENCE, dofs)
-    return MarginalNees(float(values.sum() / dofs.sum()), float(inside.mean()))
+    error, keys, dofs = known.minus(estimate), layout.keys[chosen], layout.dofs[chosen]
+    starts, blocks = layout.dof_start[:-1][chosen], covariances.blocks(keys)
+    total, inside = 0.0, 0
+    for dof in np.unique(dofs).tolist():
+        at = np.flatnonzero(dofs == dof)
+        e, covariance = error[starts[at, None] + np.arange(dof)], np.array([blocks[k] for k in at.tolist()])
+        nees = np.sum(e * np.linalg.solve(covariance, e[..., None])[..., 0], -1)
+        total, inside = total + float(nees.sum()), inside + int(np.sum(nees <= chi2_quantile(CONFIDENCE, dof)))
+    return MarginalNees(total / int(dofs.sum()), inside / len(keys))

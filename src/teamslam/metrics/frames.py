@@ -6,6 +6,7 @@ at base      the truth is written in the frame of the map's base pose, as the ma
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -52,28 +53,62 @@ class Aligned:
     basis: str
     held: bool
 
+    @property
+    def alike(self) -> bool:
+        """False where the errors are as large as what is compared, as they are between maps of two worlds."""
+        there = self.truth.positions(self.keys, 3)
+        spread = np.mean(np.sum((there - there.mean(0)) ** 2, -1))
+        return len(self.keys) < 3 or float(np.mean(np.sum(self.positions(self.keys) ** 2, -1))) < 0.25 * float(spread)
+
     def positions(self, keys: IntArray) -> Array:
         """Errors of position (n, 3) [m]; heights count only where both know them."""
+        return self._errors[self._layout.index(keys)]
+
+    def turns(self, keys: IntArray) -> Array:
+        """Errors of orientation (n, 3) [rad], as rotation vectors, of poses known as such to both."""
+        return self._turns[self._oriented.index(keys)]
+
+    def poses(self, keys: IntArray) -> tuple[Pose, Pose]:
+        """True and estimated poses (n,), in space; where the estimate lies in the plane, so does the truth."""
+        true, estimate = self._poses
+        at = self._oriented.index(keys)
+        return true[at], estimate[at]
+
+    def known_poses(self, keys: IntArray) -> IntArray:
+        """Those of `keys` that are poses in both."""
+        return np.asarray(keys[self._oriented.contains(keys)])
+
+    # All at once, when one is first asked for: errors are asked for robot by robot, and again for each pair.
+
+    @cached_property
+    def _layout(self) -> Layout:
+        return self.estimate.layout.select(np.isin(self.estimate.layout.keys, self.keys))
+
+    @cached_property
+    def _oriented(self) -> Layout:
+        keys = self._layout.keys
+        return self._layout.select(_is_oriented(self.estimate, keys) & _is_oriented(self.truth, keys))
+
+    @cached_property
+    def _errors(self) -> Array:
+        keys = self._layout.keys
         error = self.estimate.positions(keys, 3) - self.truth.positions(keys, 3)
         error[~(_is_spatial(self.estimate, keys) & _is_spatial(self.truth, keys)), 2] = 0.0
         return error
 
-    def turns(self, keys: IntArray) -> Array:
-        """Errors of orientation (n, 3) [rad], as rotation vectors, of poses known as such to both."""
-        true, estimate = self.poses(keys)
-        return estimate.minus(true)[..., 3:]
-
-    def poses(self, keys: IntArray) -> tuple[Pose, Pose]:
-        """True and estimated poses (n,), in space; where the estimate lies in the plane, so does the truth."""
+    @cached_property
+    def _poses(self) -> tuple[Pose, Pose]:
+        keys = self._oriented.keys
         true, flat = self.truth.poses_of(keys, 3), ~_is_spatial(self.estimate, keys)
         shadow = Pose.from_xytheta(true.xytheta()).lift(3)
         rotation = np.where(flat[:, None, None], shadow.rotation, true.rotation)
         translation = np.where(flat[:, None], shadow.translation, true.translation)
         return Pose(rotation, translation), self.estimate.poses_of(keys, 3)
 
-    def known_poses(self, keys: IntArray) -> IntArray:
-        """Those of `keys` that are poses in both."""
-        return np.asarray(keys[_is_oriented(self.estimate, keys) & _is_oriented(self.truth, keys)])
+    @cached_property
+    def _turns(self) -> Array:
+        true, estimate = self._poses
+        return estimate.minus(true)[..., 3:]
 
 
 def align_team(submap: Submap, truth: Values) -> Aligned | None:

@@ -16,11 +16,12 @@ class Report:
     """How good a map is. Everything about the truth is None (or empty) where the truth does not say.
 
     `alignment` moves the map onto the truth; `basis` says what it rests on. `fit` needs no truth: it is the squared
-    whitened residuals against their degrees of freedom. `note` says in words why something is missing.
+    whitened residuals against their degrees of freedom, by the map's own account (a join takes each submap for a
+    Gaussian); None leaves it unsaid. `note` says in words why something is missing, or what makes no sense.
     """
 
     map: str
-    fit: ChiSquare
+    fit: ChiSquare | None
     alignment: Pose | None = None
     basis: str | None = None
     accuracy: Accuracy | None = None
@@ -64,7 +65,7 @@ class Report:
             "nees": _chi_square(honest.nees) | {"frame": honest.frame} if honest else None,
             "nees_of_poses": _marginal(honest.of_poses) if honest else None,
             "nees_of_landmarks": _marginal(honest.of_landmarks) if honest else None,
-            "chi2": _chi_square(self.fit),
+            "chi2": _chi_square(self.fit) if self.fit else None,
         }
 
     def __str__(self) -> str:
@@ -91,7 +92,11 @@ def score(map: Submap, truth: Values, *, covariances: Marginals | None = None) -
         basis=aligned.basis,
         accuracy=accuracy(aligned, map.names),
         consistency=consistency(map, truth, aligned, covariances),
+        note="" if aligned.alike else STRANGERS,
     )
+
+
+STRANGERS = "the errors are as large as the map itself: is this the truth of this team, in this world?"
 
 
 def _fields(record: Any) -> dict[str, Any]:
@@ -113,6 +118,7 @@ def _lines(report: Report) -> Iterator[str]:
         yield f"  {report.note}"
     if (scored := report.accuracy) is not None:
         yield f"  errors after one alignment of the whole team, on {report.basis}"
+        yield f"  compared                 poses {scored.poses}, landmarks {scored.landmarks}"
         yield _row("robot position RMSE", scored.robot_position_rmse_m, "m")
         yield _row("robot orientation RMSE", scored.robot_turn_rmse_rad, "rad")
         yield _row("landmark RMSE", scored.landmark_rmse_m, "m")
@@ -132,7 +138,8 @@ def _lines(report: Report) -> Iterator[str]:
         for name, of in (("of poses, one by one", honest.of_poses), ("of landmarks", honest.of_landmarks)):
             if of is not None:
                 yield f"  {name:<24} {_number(of.per_dof)}   {of.share_inside:.0%} within their 95 % region"
-    yield _banded("chi2 / dof of the fit", report.fit)
+    if report.fit is not None:
+        yield _banded("chi2 / dof, own account", report.fit)
 
 
 FRAMES = {"base": "the map's base pose", "fitted": "fitted to the truth, its dof taken off", "world": "the world"}

@@ -2,7 +2,8 @@
 
 Noise is a whitening matrix W with covariance^-1 = W'W, one for each row or one for all; rows of W that are zero measure
 nothing (`noise`). A table knows who measured (`robot`), what it is called (`source`), which rows of the robot's log
-these are (`ids`), and which sensor saw it: `sensor` is the sensor's pose in the observer's body.
+these are (`ids`), and which sensor saw it: `sensor` is the sensor's pose in the observer's body; of `position` and
+`pose`, which have no observer, in the target's: the sensor is what was measured.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ import numpy as np
 
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, IntArray, Pose, lift_points
-from teamslam.model.keys import is_pose, robot_of
+from teamslam.model.keys import is_landmark, is_pose, robot_of
 from teamslam.model.losses import SQUARED, Loss
 from teamslam.model.noise import ranks
 from teamslam.model.sensors import MODELS, Model
@@ -59,6 +60,18 @@ class Table:
         for name, numbers in (("values", self.values), ("whitening", self.whitening)):
             if not np.isfinite(numbers).all():
                 raise ModelError(f"{self.source} ({self.model}): {name} hold a number that is not finite")
+        self._check_sensor()
+
+    def _check_sensor(self) -> None:
+        if self.sensor is None:
+            return
+        if self.sensor.dim > self.dim:
+            raise ModelError(
+                f"{self.source} ({self.model}): a sensor that is mounted in space cannot measure in the plane; give "
+                f"its pose in the plane (x, y, theta), or its measurements in space"
+            )
+        if self.row.unary and is_landmark(self.keys).any():
+            raise ModelError(f"{self.source} ({self.model}): a landmark carries no sensor; leave the sensor's pose out")
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -93,7 +106,9 @@ class Table:
         """The observers (None for `unary` models) and targets of all rows, planar ones lifted where kinds are mixed."""
         dim = 2 + int((values.layout.kinds[values.layout.index(self.keys)] % 2).max(initial=0))
         targets = self.keys[:, -1]
-        target = values.poses_of(targets, dim) if self.row.targets_pose else values.positions(targets, dim)
+        carried = self.row.unary and self.sensor is not None
+        whole = self.row.targets_pose or carried
+        target = values.poses_of(targets, dim) if whole else values.positions(targets, dim)
         return None if self.row.unary else values.poses_of(self.keys[:, 0], dim), target
 
     def predict_from(self, observer: Pose | None, target: Pose | Array) -> Array:
@@ -102,9 +117,11 @@ class Table:
         of_observer = observer.dim if observer is not None else 2
         dim = max(self.dim, of_target, of_observer, self.sensor.dim if self.sensor is not None else 2)
         lifted = target.lift(dim) if isinstance(target, Pose) else lift_points(target, dim)
-        body = observer.lift(dim) if observer is not None else Pose.identity(dim, (len(lifted),))
-        eye = body if self.sensor is None else body @ self.sensor.lift(dim)
-        return self.row.predict(eye, lifted, self.dim)
+        mount = Pose.identity(dim) if self.sensor is None else self.sensor.lift(dim)
+        if observer is None:  # in the world it is the sensor that is measured: an antenna on its mast
+            carried = lifted @ mount if self.sensor is not None and isinstance(lifted, Pose) else lifted
+            return self.row.predict(Pose.identity(dim, (len(lifted),)), carried, self.dim)
+        return self.row.predict(observer.lift(dim) @ mount, lifted, self.dim)
 
     def predict(self, values: Values) -> Array:
         """What should have been measured, h (m, size), were `values` the truth (in the frame of `values`)."""

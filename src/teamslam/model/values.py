@@ -165,6 +165,14 @@ class Values:
         mask[self.layout.index(keys)] = True
         return self.select(mask)
 
+    def renamed(self, keys: AnyArray, names: AnyArray) -> "Values":
+        """The variables of `keys` (n,), unique, under the names (n,) in their place."""
+        at = self.layout.index(keys)
+        kinds = self.layout.kinds[at]
+        order = np.lexsort((names, kinds))
+        rows = rows_of(self.layout.state_start[at[order]], KIND_SIZE[kinds[order]])
+        return Values(Layout(np.asarray(names, np.int64)[order], kinds[order]), self.state[rows])
+
     def update(self, other: "Values") -> "Values":
         """These variables with the other's added; where both know one, the other's is taken."""
         layout = self.layout.union(other.layout)

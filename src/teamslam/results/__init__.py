@@ -1,18 +1,20 @@
 """Run folders: what a run leaves on disk, written whole or not at all, and read back to draw and compare."""
 
 from teamslam.results.figures import figures_of
-from teamslam.results.folder import draw_record, read_run, write_record, write_run
+from teamslam.results.folder import draw_record, read_run, with_residuals, write_record, write_run
 from teamslam.results.record import Record
-from teamslam.results.whole import is_run, refuse_to_overwrite, whole_folder
+from teamslam.results.whole import is_run, made_folder, refuse_to_overwrite, whole_folder
 
 __all__ = [
     "Record",
     "draw_record",
     "figures_of",
     "is_run",
+    "made_folder",
     "read_run",
     "refuse_to_overwrite",
     "whole_folder",
+    "with_residuals",
     "write_record",
     "write_run",
 ]

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from teamslam.io.files.npz import write_arrays
 from teamslam.model import Submap, is_pose, robot_of
 
 
@@ -21,17 +22,17 @@ def write_archive(submap: Submap, path: Path) -> None:
     """Write a map's arrays."""
     layout = submap.values.layout
     poses = is_pose(layout.keys)
-    np.savez_compressed(
-        path,
-        keys=layout.keys,
-        robots=robot_of(layout.keys),
-        stamps_s=np.where(poses, submap.names.stamps_s(layout.keys), np.nan),
-        kinds=layout.kinds,
-        starts=layout.state_start,
-        dofs=layout.dofs,
-        state=submap.values.state,
-        base=np.array(submap.base),
-        information_data=submap.information.data,
-        information_indices=submap.information.indices,
-        information_indptr=submap.information.indptr,
-    )
+    arrays = {
+        "keys": layout.keys,
+        "robots": robot_of(layout.keys),
+        "stamps_s": np.where(poses, submap.names.stamps_s(layout.keys), np.nan),
+        "kinds": layout.kinds,
+        "starts": layout.state_start,
+        "dofs": layout.dofs,
+        "state": submap.values.state,
+        "base": np.array(submap.base),
+        "information_data": submap.information.data,
+        "information_indices": submap.information.indices,
+        "information_indptr": submap.information.indptr,
+    }
+    write_arrays(path, arrays)

@@ -9,7 +9,18 @@ from teamslam.geometry import Array
 from teamslam.io.files.whole import whole_file
 from teamslam.results.errors import error_tracks, truth_by_team
 from teamslam.results.record import Record
-from teamslam.viz import Scene, draw_consistency, draw_convergence, draw_errors, draw_map, saved
+from teamslam.results.residuals import LANDMARK
+from teamslam.viz import (
+    ResidualTrack,
+    Scene,
+    draw_consistency,
+    draw_convergence,
+    draw_errors,
+    draw_map,
+    draw_residuals,
+    draw_residuals_by_landmark,
+    saved,
+)
 from teamslam.viz.style import METHOD_NAMES
 
 if TYPE_CHECKING:
@@ -23,6 +34,7 @@ def figures_of(record: Record) -> "dict[str, Figure]":
     figures = {_numbered("map", n): draw_map(scene_of(record, n)) for n in range(len(record.maps))}
     if any(record.costs):
         figures["convergence"] = _convergence(record)
+    figures |= _residuals(record)
     for n, submap in enumerate(record.maps):
         found = None if record.truth is None else error_tracks(submap, record.truth, record.covariances[n])
         if found is not None and found.tracks:
@@ -30,6 +42,24 @@ def figures_of(record: Record) -> "dict[str, Figure]":
             look = {"time": time, "caption": f"{headline(record, n)}\n{found.frame}"}
             figures[_numbered("errors", n)] = draw_errors(found.tracks, **look)
             figures[_numbered("consistency", n)] = draw_consistency(found.tracks, **look)
+    return figures
+
+
+def _residuals(record: Record) -> "dict[str, Figure]":
+    """Over time, and by landmark."""
+    if not record.residuals:
+        return {}
+    names = record.maps[0].names
+    stamps = [r.stamp_s for r in record.residuals]
+    start_s = float(np.nanmin(np.concatenate(stamps))) if not names.counts else 0.0
+    tracks = [
+        ResidualTrack(r.robot, r.source, r.stamp_s - start_s, r.size, r.target, r.targets) for r in record.residuals
+    ]
+    look = {"caption": headline(record).partition(", part")[0]}
+    figures = {"residuals": draw_residuals(tracks, time="pose" if names.counts else "time [s]", **look)}
+    of_landmarks = [track for track in tracks if all(target.startswith(LANDMARK) for target in track.targets)]
+    if of_landmarks:
+        figures["residuals_by_landmark"] = draw_residuals_by_landmark(of_landmarks, **look)
     return figures
 
 

@@ -6,8 +6,9 @@ What is in it:
     map.npz            the map of the first component as plain numpy arrays (see `archive`)
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
     tum/               each robot's way, for evo and others
-    figures/           the map with its ellipses and the truth, convergence, errors over time, consistency
+    figures/           the map with its ellipses and the truth, convergence, residuals, errors over time, consistency
     report.json        figures for scripts            config.toml     every option as used
+    residuals.csv      what every row of the log leaves at the map (see `residuals`)
     history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
 """
 
@@ -15,6 +16,8 @@ import csv
 import json
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -24,6 +27,7 @@ import numpy as np
 from teamslam.config import Config, write_config
 from teamslam.errors import InputError
 from teamslam.io import read_submaps, write_submaps
+from teamslam.io.files.npz import write_arrays
 from teamslam.io.files.whole import named
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.model import Layout, Values
@@ -31,6 +35,7 @@ from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
 from teamslam.results.figures import figures_of, save
 from teamslam.results.record import Record
+from teamslam.results.residuals import read_residuals, write_residuals
 from teamslam.results.tables import (
     read_histories,
     write_histories,
@@ -38,7 +43,7 @@ from teamslam.results.tables import (
     write_team,
     write_trajectory_table,
 )
-from teamslam.results.whole import refuse_to_overwrite, whole_folder
+from teamslam.results.whole import made_folder, refuse_to_overwrite, whole_folder
 from teamslam.solver import Covariances
 
 
@@ -58,17 +63,25 @@ def write_run(result: Result, folder: str | Path, *, replace: bool = False, figu
 
 
 def write_record(record: Record, config: Config, folder: Path) -> None:
-    """All files of a run but its figures, into a new folder or in place of what is there."""
-    with whole_folder(folder) as draft:
+    """All files of a run but its figures, into a new folder or in place of what is there.
+
+    They are written side by side: much of it is packing and disk, which need no Python.
+    """
+
+    def write(name: str) -> None:
+        with named(draft / name):
+            FILES[name](record, draft / name)
+
+    for covariances in record.covariances:
+        covariances.all  # noqa: B018  # computed once, before several tables ask
+    with whole_folder(folder) as draft, ThreadPoolExecutor() as pool:
         write_config(config, draft / "config.toml")
-        for name, write in FILES.items():
-            with named(draft / name):
-                write(record, draft / name)
+        list(pool.map(write, FILES))
 
 
 def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float | None = None) -> list[Path]:
     """The figures of a run, into its folder of figures or another; returns the files."""
-    files = []
+    files, folder = [], made_folder(folder)
     for name, figure in figures_of(record).items():
         files.append(folder / f"{name}.{type}")
         save(figure, files[-1], dpi=dpi)
@@ -106,6 +119,16 @@ def read_run(folder: str | Path) -> Record:
     return Record(maps, tuple(map(Covariances.of_map, maps)), truth, sightings, histories, report)
 
 
+def with_residuals(record: Record, folder: str | Path) -> Record:
+    """A record with the residuals that lie in its folder; as it is where there are none. InputError where the file is
+    another's."""
+    path = Path(folder) / "residuals.csv"
+    try:
+        return replace(record, residuals=read_residuals(path)) if path.exists() else record
+    except (ValueError, csv.Error, StopIteration) as error:
+        raise InputError(f"not a table of residuals: {error}", path=path) from None
+
+
 def read_report(folder: str | Path) -> dict[str, Any]:
     """What report.json says. Raises InputError where it is not what a run wrote."""
     path = Path(folder) / "report.json"
@@ -126,14 +149,14 @@ def read_report(folder: str | Path) -> dict[str, Any]:
 def _write_log(record: Record, path: Path) -> None:
     truth = record.truth
     empty = np.zeros(0, np.int64)
-    np.savez_compressed(
-        path,
-        sightings=record.sightings,
-        has_truth=np.array(truth is not None),
-        truth_keys=truth.layout.keys if truth else empty,
-        truth_kinds=truth.layout.kinds if truth else empty,
-        truth_state=truth.state if truth else np.zeros(0),
-    )
+    arrays = {
+        "sightings": record.sightings,
+        "has_truth": np.array(truth is not None),
+        "truth_keys": truth.layout.keys if truth else empty,
+        "truth_kinds": truth.layout.kinds if truth else empty,
+        "truth_state": truth.state if truth else np.zeros(0),
+    }
+    write_arrays(path, arrays)
 
 
 def _read_log(path: Path) -> tuple[Values | None, np.ndarray]:
@@ -158,6 +181,7 @@ FILES: dict[str, Callable[[Record, Path], object]] = {
     "trajectories.csv": write_trajectory_table,
     "landmarks.csv": write_landmarks,
     "team.csv": write_team,
+    "residuals.csv": lambda record, path: write_residuals(record.residuals, path),
     "history.csv": lambda record, path: write_histories(record.histories, path),
     "log.npz": _write_log,
     "tum": _write_tum,

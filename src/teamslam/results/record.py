@@ -1,7 +1,7 @@
 """What is kept of a run: enough to draw, score and compare it later without the log.
 
 `maps` holds one map for each component, `histories` the steps of the last solve of each, in order. `report` is what
-report.json says.
+report.json says, `residuals` what residuals.csv does (nothing in a record that was read back, until they are).
 """
 
 from collections.abc import Mapping
@@ -14,6 +14,7 @@ from teamslam.geometry import IntArray
 from teamslam.model import Dataset, Submap, Values
 from teamslam.pipeline import Result
 from teamslam.results.report import report_of
+from teamslam.results.residuals import Residuals, residuals_of
 from teamslam.solver import Covariances, Step
 
 
@@ -27,6 +28,7 @@ class Record:
     sightings: IntArray
     histories: tuple[tuple[Step, ...], ...]
     report: Mapping[str, Any] = field(default_factory=dict)
+    residuals: tuple[Residuals, ...] = ()
 
     @classmethod
     def of(cls, result: Result) -> "Record":
@@ -39,6 +41,7 @@ class Record:
             sightings=robot_sightings(result.dataset),
             histories=tuple(c.solution.history if c.solution else () for c in components),
             report=report_of(result),
+            residuals=residuals_of(result.verdict),
         )
 
     @property

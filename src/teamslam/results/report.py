@@ -13,16 +13,26 @@ Its fields:
                                    alone, so that they are in dof and cost; null where the measurements are not at hand
     iterations, seconds            of the last solve (of its components together); of the whole run, without reading
                                    and writing
+    fit                            how well the map fits the measurements: `verdict` (fits, loose, strained, misfit or
+                                   unknown), `gross` where the map is not to be trusted, and a `sentence`; `cost` beside
+                                   what is `expected`, the `band` that it keeps 999 times of 1000 if the model is right,
+                                   and its part that is the join's own (`decrease`); `causes`, what a misfit looks like,
+                                   each with what share of the excess it `explains`; `carriers`, which sensors,
+                                   landmarks and stretches of time cost too much; `sensors`, the same of every sensor of
+                                   every robot; `noise`, how large the residuals of each part of a measurement are
+                                   beside its standard deviation (`scale`), and the share of outliers
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
-                                   name, how many `poses`, `landmarks` and `submaps`, and of each map alone status,
-                                   cost, errors and exactness by the same names as here; `objective` of its last solve
+                                   name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
+                                   alone status, cost, errors and exactness by the same names as here; `objective` of
+                                   its last solve
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
                                    of several components, each aligned by itself
     compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
                                    compared; null where there is no truth
-    robots, poses, landmarks, dropped                         what went in
+    robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and how it
+                                   understood what can be read in several ways, in words
     refused, without               of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of a join: how far it is from the full least squares on the same measurements (see
                                    teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
@@ -42,6 +52,7 @@ from teamslam.joining import Component, Cost
 from teamslam.metrics import Report
 from teamslam.model import Dataset
 from teamslam.pipeline import Result
+from teamslam.trust import Verdict, sentence
 
 UNDETERMINED = "unknown: the measurements themselves do not determine every variable where the join ended"
 ALONE = "One submap, nothing to join."
@@ -67,6 +78,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "join_cost": _total(parts, "join_cost"),
         "numbers_measured": dataset.dof,
         "numbers_used": _total(parts, "numbers_used"),
+        "fit": _fit(result.verdict),
         "iterations": _total(parts, "iterations"),
         "seconds": sum(result.seconds.values()),
         "components": len(components),
@@ -76,13 +88,14 @@ def report_of(result: Result) -> dict[str, Any]:
         "robots": len(dataset.robots),
         "poses": sum(len(keys) for keys in dataset.pose_keys.values()),
         "landmarks": len(dataset.landmark_keys),
+        "notes": list(dataset.notes),
         **_dropped(dataset),
         "exactness": (found := _exactness(parts)),
         "exactness_unknown": None if found or result.config.method == "full" else UNDETERMINED,
         "submaps": len(result.submaps),
         "parts": parts,
         "stages_s": dict(result.seconds),
-        "seed": None,  # no step of a run draws random numbers
+        "seed": None,  # no step of a run draws random numbers that differ from run to run
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
     }
 
@@ -95,6 +108,7 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
         "poses": sum(len(map.trajectory_keys(robot)) for robot in map.robots_in_it),
         "landmarks": len(map.landmark_keys),
         "submaps": len(component.members),
+        "frame": map.names.describe(map.base),
         "converged": solution is None or solution.converged,
         "status": solution.status.value if solution else ALONE,
         "cost": cost.cost if cost else None,
@@ -106,6 +120,26 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
         "iterations": solution.iterations if solution else 0,
         **_errors(() if score is None else (score,)),
         "exactness": asdict(component.exactness) if component.exactness else None,
+    }
+
+
+def _fit(found: Verdict) -> dict[str, Any]:
+    """The verdict on the fit, in words and figures."""
+    names = found.names
+    return {
+        "verdict": found.level,
+        "gross": found.gross,
+        "sentence": sentence(found),
+        "cost": found.cost,
+        "expected": found.expected,
+        "band": list(found.band),
+        "chi2": found.chi2,
+        "dof": found.dof,
+        "decrease": found.decrease,
+        "causes": [{**asdict(cause), "robots": [names.robot(r) for r in cause.robots]} for cause in found.causes],
+        "carriers": [{**asdict(share), "ratio": share.ratio} for share in found.carriers],
+        "sensors": [{**asdict(share), "ratio": share.ratio} for share in found.sensors],
+        "noise": [{**asdict(noise), "robot": names.robot(noise.robot)} for noise in found.noise],
     }
 
 

@@ -7,14 +7,15 @@ its covariance is 0.
 """
 
 import csv
-from collections.abc import Iterator, Sequence
+import io
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose, lift_tangent
+from teamslam.geometry import Array, IntArray, Pose, lift_tangent
+from teamslam.io.files.text import rows_of_text
 from teamslam.model import Kind, Submap, index_of
 from teamslam.results.record import Record
 from teamslam.solver import Covariances, Step
@@ -29,57 +30,40 @@ POSE_COLUMNS = {
 def write_trajectory_table(record: Record, path: Path) -> None:
     """All robots' poses, a row a pose, in time order."""
     dim = _pose_dim(record)
-    header = ("component", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim]))
-
-    def rows() -> Iterator[list[Any]]:
-        for number, submap, covariances in _components(record):
-            for robot in submap.robots_in_it:
-                keys = submap.trajectory_keys(robot)
-                stamps = submap.names.stamps_s(keys)
-                poses = submap.all_values.poses_of(keys, dim)
-                numbers = _pose_numbers(poses)
-                for key, stamp, row in zip(keys.tolist(), stamps.tolist(), numbers.tolist(), strict=True):
-                    block = _pose_covariance(submap, covariances, key, dim)
-                    yield [number, submap.names.robot(robot), f"{stamp:.6f}", *row, *_upper(block)]
-
-    _write(path, header, rows())
+    lines: list[str] = []
+    for number, submap, covariances in _components(record):
+        for robot in submap.robots_in_it:
+            who = [number, submap.names.robot(robot)]
+            lines += _pose_lines(who, submap, submap.trajectory_keys(robot), covariances, dim)
+    _write(path, ("component", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim])), lines)
 
 
 def write_landmarks(record: Record, path: Path) -> None:
     """All landmarks, a row a landmark; a tag's orientation is in map.npz."""
     dim = max((_landmark_dim(m) for m in record.maps), default=2)
     axes = ("x", "y", "z")[:dim]
-    header = ("component", "landmark", *(f"{a}_m" for a in axes), *_triangle(axes))
-
-    def rows() -> Iterator[list[Any]]:
-        for number, submap, covariances in _components(record):
-            keys = submap.landmark_keys
-            places = submap.all_values.positions(keys, dim)
-            for key, place in zip(keys.tolist(), places.tolist(), strict=True):
-                block = np.zeros((dim, dim))
-                d = min(dim, Kind(int(submap.values.layout.kinds[submap.values.layout.index(key)])).dim)
-                block[:d, :d] = covariances.of(key)[:d, :d]
-                yield [number, submap.names.landmark(int(index_of(key))), *place, *_upper(block)]
-
-    _write(path, header, rows())
+    lines: list[str] = []
+    for number, submap, covariances in _components(record):
+        keys = submap.landmark_keys
+        places = submap.all_values.positions(keys, dim)
+        rows = rows_of_text(
+            np.concatenate([places, _upper(_place_covariances(submap, keys, covariances, dim))], -1), ","
+        )
+        names = [submap.names.landmark(landmark) for landmark in index_of(keys).tolist()]
+        lines += [f"{_cells([number, name])},{row}" for name, row in zip(names, rows, strict=True)]
+    _write(path, ("component", "landmark", *(f"{a}_m" for a in axes), *_triangle(axes)), lines)
 
 
 def write_team(record: Record, path: Path) -> None:
     """Where each robot's own frame (its first pose) lies in the map: the transforms of the team."""
     dim = _pose_dim(record)
-    header = ("component", "map_frame", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim]))
-
-    def rows() -> Iterator[list[Any]]:
-        for number, submap, covariances in _components(record):
-            for robot in submap.robots_in_it:
-                key = int(submap.trajectory_keys(robot)[0])
-                numbers = _pose_numbers(submap.all_values.poses_of(np.array([key]), dim))[0].tolist()
-                stamp = f"{float(submap.names.stamps_s(np.array(key))):.6f}"
-                block = _pose_covariance(submap, covariances, key, dim)
-                frame = submap.names.describe(submap.base)
-                yield [number, frame, submap.names.robot(robot), stamp, *numbers, *_upper(block)]
-
-    _write(path, header, rows())
+    lines: list[str] = []
+    for number, submap, covariances in _components(record):
+        for robot in submap.robots_in_it:
+            who = [number, submap.names.describe(submap.base), submap.names.robot(robot)]
+            lines += _pose_lines(who, submap, submap.trajectory_keys(robot)[:1], covariances, dim)
+    columns = ("component", "map_frame", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim]))
+    _write(path, columns, lines)
 
 
 def write_histories(histories: Sequence[Sequence[Step]], path: Path) -> None:
@@ -90,7 +74,7 @@ def write_histories(histories: Sequence[Sequence[Step]], path: Path) -> None:
         for number, history in enumerate(histories, start=1)
         for n, s in enumerate(history)
     )
-    _write(path, header, rows)
+    _write(path, header, map(_cells, rows))
 
 
 def read_histories(path: Path, components: int) -> tuple[tuple[Step, ...], ...]:
@@ -139,28 +123,63 @@ def _pose_numbers(poses: Pose) -> Array:
     return poses.xytheta() if poses.dim == 2 else np.concatenate([poses.translation, poses.quaternion_wxyz()], -1)
 
 
-def _pose_covariance(submap: Submap, covariances: Covariances, key: int, dim: int) -> Array:
-    """The covariance of a pose in the chart of `dim`; a planar pose among spatial ones cannot tilt or rise."""
+def _pose_lines(who: Sequence[object], submap: Submap, keys: IntArray, covariances: Covariances, dim: int) -> list[str]:
+    """The lines of some poses: who they are of, stamp, pose, covariance."""
+    stamps = [f"{stamp:.6f}" for stamp in submap.names.stamps_s(keys).tolist()]
+    poses = _pose_numbers(submap.all_values.poses_of(keys, dim))
+    rows = rows_of_text(np.concatenate([poses, _upper(_pose_covariances(submap, keys, covariances, dim))], -1), ",")
+    called = _cells(who)
+    return [f"{called},{stamp},{row}" for stamp, row in zip(stamps, rows, strict=True)]
+
+
+def _pose_covariances(submap: Submap, keys: IntArray, covariances: Covariances, dim: int) -> Array:
+    """The covariances of poses (n, dof, dof) in the chart of `dim`; planar ones among spatial cannot tilt or rise."""
     dof = 3 if dim == 2 else 6
-    if key == submap.base:
-        return np.zeros((dof, dof))
-    block = covariances.of(key)
-    if len(block) == dof:
-        return block
-    lift = lift_tangent(2, 3)
-    return np.asarray(lift @ block @ lift.T)
+    out = np.zeros((len(keys), dof, dof))
+    for at, blocks in _stacks(submap, keys, covariances):
+        own = 2 if blocks.shape[-1] == 3 else 3
+        lift = lift_tangent(own, dim)
+        out[at] = lift @ blocks @ lift.T
+    return out
+
+
+def _place_covariances(submap: Submap, keys: IntArray, covariances: Covariances, dim: int) -> Array:
+    """The covariances (n, dim, dim) of where landmarks are; planar ones among spatial do not rise."""
+    out = np.zeros((len(keys), dim, dim))
+    kinds = submap.all_values.layout.kinds[submap.all_values.layout.index(keys)]
+    for at, blocks in _stacks(submap, keys, covariances):
+        own = int(2 + kinds[at[0]] % 2)
+        out[at, :own, :own] = blocks[:, :own, :own]
+    return out
+
+
+def _stacks(submap: Submap, keys: IntArray, covariances: Covariances) -> Iterator[tuple[IntArray, Array]]:
+    """The covariances (m, dof, dof) of the variables of each kind, and their places (m,) among `keys`; that of the
+    base, which is the frame, is 0 and left out."""
+    layout = submap.values.layout
+    places = np.flatnonzero(keys != submap.base)
+    blocks, kinds = covariances.blocks(keys[places]), layout.kinds[layout.index(keys[places])]
+    for kind in np.unique(kinds):
+        own = np.flatnonzero(kinds == kind)
+        yield places[own], np.array([blocks[k] for k in own.tolist()])
+
+
+def _upper(blocks: Array) -> Array:
+    """The upper triangles (n, k) of matrices (n, d, d)."""
+    rows, columns = np.triu_indices(blocks.shape[-1])
+    return np.asarray(blocks[:, rows, columns])
 
 
 def _triangle(names: Sequence[str]) -> list[str]:
     return [f"cov_{a}_{b}" for a, b in combinations_with_replacement(names, 2)]
 
 
-def _upper(block: Array) -> list[float]:
-    return [float(v) for v in block[np.triu_indices(len(block))]]
+def _cells(cells: Sequence[object]) -> str:
+    """A line of CSV, without its end."""
+    line = io.StringIO(newline="")
+    csv.writer(line, lineterminator="").writerow(cells)
+    return line.getvalue()
 
 
-def _write(path: Path, header: Sequence[str], rows: Iterator[list[Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+def _write(path: Path, header: Sequence[str], lines: Iterable[str]) -> None:
+    path.write_text("\n".join([",".join(header), *lines, ""]), encoding="utf-8", newline="")

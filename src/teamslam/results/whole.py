@@ -15,6 +15,17 @@ from teamslam.errors import InputError
 from teamslam.io.files.whole import beside
 
 
+def made_folder(folder: Path) -> Path:
+    """A folder to write into, made where it is absent. InputError where it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError("the output is a file; expected a folder", path=folder) from None
+    except OSError as error:
+        raise InputError(f"the output folder cannot be made: {error.strerror or error}", path=folder) from None
+    return folder
+
+
 def refuse_to_overwrite(
     folder: Path, *, replace: bool | None, ours: Collection[str] = (), inputs: Sequence[Path] = ()
 ) -> None:

@@ -11,6 +11,7 @@ processors.
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
@@ -54,8 +55,26 @@ class Processes:
         return ProcessPoolExecutor(self.count, mp_context=fresh, initializer=_leave_with_parent)
 
 
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that are started inside do not hear a Ctrl-C until they can do without a traceback; their parent hears
+    it a moment later."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _leave_with_parent() -> None:
-    """A worker whose parent was killed would wait for it for ever; so one thread watches, and ends the process."""
+    """A worker dies of a Ctrl-C at once, and says nothing: its parent does. One whose parent was killed would wait for
+    it for ever; so one thread watches, and ends the process."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -163,7 +182,8 @@ class Crew:
         if self._executor is None:
             self._executor = self._workers.open()
         left = [number for number in range(len(jobs)) if number not in done]
-        running = {self._executor.submit(_alone, function, jobs[number]): number for number in left}
+        with _deaf():
+            running = {self._executor.submit(_alone, function, jobs[number]): number for number in left}
         for future in as_completed(running):
             try:
                 done[running[future]] = future.result()

@@ -53,7 +53,10 @@ class Covariances:
     def blocks(self, keys: AnyArray) -> list[Array]:
         """The marginal covariances of several variables, in the order of `keys`; quicker than `all` where they are
         few."""
-        return self._factor.marginals(self.layout.index(keys))
+        places = self.layout.index(keys)
+        if "all" in vars(self) or 2 * len(places) > len(self.layout):
+            return [self.all[place] for place in places.tolist()]
+        return self._factor.marginals(places)
 
     def draws(self, white: AnyArray) -> Array:
         """Errors that the estimate may have, in its chart: P^1/2 white, white (dof,) or (dof, k).

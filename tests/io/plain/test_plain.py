@@ -122,7 +122,8 @@ def _any_table(rng: np.random.Generator, robots: dict[int, int], poses: IntArray
     keys = target[:, None] if MODELS[model].unary else np.stack([observer, target], -1)
     rows = MODELS[model].residual_rows(dim)
     whitening = rng.normal(size=(1 if rng.random() < 0.3 else count, rows, rows)) + 4.0 * np.eye(rows)
-    sensor = random_poses(rng, int(rng.choice([2, 3]))) if rng.random() < 0.3 else None
+    mounted = rng.random() < 0.3 and not (MODELS[model].unary and (keys < 1 << 51).any())
+    sensor = random_poses(rng, int(rng.integers(2, dim + 1))) if mounted else None
     loss = Loss(str(rng.choice(list(LOSSES))), 2.5) if rng.random() < 0.5 else Loss()
     source = str(rng.choice(["odometry", "landmarks", "robots", "a b/ü"]))
     values = measured(rng, model, dim, count)
@@ -332,6 +333,14 @@ sigma = [0.1, 0.1, 0.1]
     assert found.tables[0].dim == 3 and found.dim == 3 and found.is_planar
 
 
+def test_a_level_sensor_measures_in_the_plane_whatever_its_height(tmp_path: Path) -> None:
+    found = plain.read(folder(tmp_path, team=TEAM + "sensor = { x = 0.1, z = 0.5, theta = 0.2 }\n"))
+    sensor = found.tables[1].sensor
+    assert sensor is not None
+    assert sensor.dim == 2
+    assert np.allclose(sensor.xytheta(), [0.1, 0.0, 0.2])
+
+
 def test_spreadsheets_write_semicolons_quotes_and_a_mark_at_the_start(tmp_path: Path) -> None:
     text = '\ufeffstamp;landmark;range;bearing\r\n# a note\r\n\r\n0;"the; door";2;0.5\r\n2; 8 ;3;0.1\r\n'
     found = plain.read(folder(tmp_path, landmarks=text))
@@ -409,6 +418,11 @@ DAMAGE: dict[str, tuple[dict[str, str], str]] = {
     "two robots of one number": ({"team": '[[robot]]\nname = "blue"\nnumber = 2\n' + TEAM}, "have the number '2'"),
     "no logs": ({"team": '[[robot]]\nname = "red"\n'}, r"nothing to read: expected a \[\[log\]\]"),
     "an unknown sensor": ({"team": TEAM + 'sensor = "camera"\n'}, "robot red has no sensor 'camera'; it has none"),
+    "a tilted sensor in the plane": (
+        {"team": TEAM + "sensor = { qw = 0.8, qx = 0.6 }\n"}, "a tilted sensor does not measure in the plane"),
+    "a sensor on a landmark": (
+        {"team": TEAM.replace("range_bearing", "position") + "sensor = { x = 1.0 }\n",
+         "landmarks": "landmark,x,y\n7,1,2\n"}, "landmarks carry no sensor"),
     "a strange sensor": ({"team": TEAM + "sensor = { yaw = 1.0 }\n"}, "unknown key 'yaw'"),
     "one number for two landmarks": (
         {"team": TEAM + "[landmarks]\ndoor = 7\n"}, "'door' and '7' both have the number 7"),

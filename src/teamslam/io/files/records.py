@@ -13,6 +13,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.io.files.delimited import read_text
+from teamslam.io.files.grid import decoded
 
 LONGEST_WORD = 60  # shown in a message
 LARGEST = 1e100  # no measurement is larger, and its square is still a number
@@ -68,14 +69,10 @@ class Records:
     def floats(self, start: int, names: Sequence[str]) -> Array:
         """The words from `start` on as finite numbers, a column for each name: (n, len(names))."""
         count = len(names)
-        try:
-            flat = [float(word) for words in self.words for word in words[start : start + count]]
-        except ValueError:
-            flat = []
-        if len(flat) == len(self) * count:
-            found = np.array(flat, float).reshape(len(self), count)
-            if (np.abs(found) < LARGEST).all():
-                return found
+        flat = [word for words in self.words for word in words[start : start + count]]
+        found = decoded(flat) if len(flat) == len(self) * count else None
+        if found is not None and (np.abs(found) < LARGEST).all():
+            return found.reshape(len(self), count)
         return np.array([[self._float(row, start + k, n) for k, n in enumerate(names)] for row in range(len(self))])
 
     def integers(self, at: int, name: str) -> IntArray:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from teamslam.errors import InputError
@@ -16,9 +17,14 @@ def text_of(number: float) -> str:
     return repr(float(number))
 
 
-def rows_of_text(numbers: Array) -> list[str]:
-    """Rows (n, k) of numbers, each as one string with blanks between."""
-    return [" ".join(map(repr, row)) for row in numbers.tolist()]
+def rows_of_text(numbers: Array, separator: str = " ") -> list[str]:
+    """Rows (n, k) of numbers, each as one string, in the fewest digits that read back to the same bits."""
+    if not numbers.size:
+        return [""] * len(numbers)
+    if not np.isfinite(numbers).all():  # JSON has no words for these
+        return [separator.join(map(repr, row)) for row in numbers.tolist()]
+    text = msgspec.json.encode(numbers.tolist()).decode()
+    return text[2:-2].replace(",", separator).split(f"]{separator}[")
 
 
 def state_columns(rows: Array, kind: Kind) -> Array:

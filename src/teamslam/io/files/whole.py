@@ -41,5 +41,5 @@ def named(path: Path, draft: Path | None = None) -> Iterator[None]:
         yield
     except OSError as error:
         if error.filename is None or error.filename == str(draft):
-            error.filename, error.filename2 = str(path), None
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from None
         raise

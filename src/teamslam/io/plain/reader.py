@@ -27,7 +27,7 @@ from teamslam.io.plain.columns import (
 from teamslam.io.plain.known import read_known
 from teamslam.io.plain.roster import NAMED, Roster
 from teamslam.io.plain.schema import FILE, STREAMS, Log, Team, read_team
-from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, pose_key, robot_of
+from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, is_landmark, pose_key, robot_of
 
 SENSOR_KEYS = ("x", "y", "z", "theta", "qw", "qx", "qy", "qz")
 KEY_COLUMNS = ("robot", "observer", "from_stamp", "to_stamp", "stamp", "landmark", "other", "other_stamp", "id")
@@ -129,7 +129,7 @@ def _read_tables(csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tup
                 values[rows],
                 whitening if len(whitening) == 1 and not _has_own_noise(csv, noise) else whitening[rows],
                 ids,
-                sensor=_sensor(csv, log, roster, robot),
+                sensor=_sensor(csv, log, roster, robot, dim, keys[rows]),
                 loss=Loss(log.loss, log.loss_scale),
             )
         )
@@ -282,19 +282,30 @@ def _has_own_noise(csv: Csv, names: tuple[str, ...]) -> bool:
 # --- sensors ------------------------------------------------------------------------------------------------------
 
 
-def _sensor(csv: Csv, log: Log, roster: Roster, robot: int) -> Pose | None:
-    """The sensor's pose in the robot's body."""
+def _sensor(csv: Csv, log: Log, roster: Roster, robot: int, dim: int, keys: IntArray) -> Pose | None:
+    """The sensor's pose in the robot's body; of one that measures in the plane, its shadow there."""
     entry, file = roster.entries[robot], csv.path.parent / FILE
     if log.sensor is None:
         return None
-    if isinstance(log.sensor, str):
-        if log.sensor not in entry.sensors:
+    given, place = log.sensor, f"{log.file}: sensor"
+    if isinstance(given, str):
+        if given not in entry.sensors:
             raise InputError(
-                f"robot {entry.name} has no sensor '{log.sensor}'; it has {', '.join(entry.sensors) or 'none'}",
-                path=file, field=f"{log.file}: sensor",
+                f"robot {entry.name} has no sensor '{given}'; it has {', '.join(entry.sensors) or 'none'}",
+                path=file, field=place,
             )  # fmt: skip
-        return _sensor_pose(entry.sensors[log.sensor], file, f"{entry.name}: sensors.{log.sensor}")
-    return _sensor_pose(log.sensor, file, f"{log.file}: sensor")
+        given, place = entry.sensors[given], f"{entry.name}: sensors.{given}"
+    if MODELS[log.model].unary and is_landmark(keys).any():
+        raise InputError("landmarks carry no sensor; expected none where they are surveyed", path=file, field=place)
+    pose = _sensor_pose(given, file, place)
+    if pose.dim == dim or dim == 3:
+        return pose
+    if np.abs(pose.rotation[2, :2]).max() > 1e-9:
+        raise InputError(
+            "a tilted sensor does not measure in the plane; give its heading alone (theta), or measurements in space",
+            path=file, field=place,
+        )  # fmt: skip
+    return Pose.from_xytheta(pose.xytheta())
 
 
 def _sensor_pose(given: Mapping[str, float], path: Path, place: str) -> Pose:

@@ -164,11 +164,7 @@ def write_submap(submap: Submap, path: str | Path) -> None:
 
 def submap_to_bytes(submap: Submap) -> bytes:
     """The submap as a message. The same submap gives the same bytes."""
-    symmetric = 0.5 * (submap.information + submap.information.T)
-    upper = sp.csr_array(sp.triu(symmetric, format="csr"))
-    upper.sum_duplicates()
-    upper.eliminate_zeros()
-    upper.sort_indices()
+    upper = _upper(submap.information)
     layout = submap.values.layout
     content = _Content(
         id=submap.id,
@@ -178,8 +174,8 @@ def submap_to_bytes(submap: Submap) -> bytes:
         keys=_packed(layout.keys),
         kinds=_packed(layout.kinds),
         state=_packed(submap.values.state),
-        indptr=_packed(upper.indptr.astype(np.int64)),
-        indices=_packed(upper.indices.astype(np.int64)),
+        indptr=_packed(upper.indptr),
+        indices=_packed(upper.indices),
         data=_packed(upper.data),
         sources=[(s.robot, s.source, s.start, s.stop) for s in sorted(submap.sources)],
         robots=sorted(submap.names.robots.items()),
@@ -191,8 +187,26 @@ def submap_to_bytes(submap: Submap) -> bytes:
         rows=int(submap.rows),
     )
     body = msgspec.msgpack.encode(content)
-    message = HEADER.pack(MAGIC, FORMAT, len(body)) + body
-    return message + _digest(message)
+    head = HEADER.pack(MAGIC, FORMAT, len(body))
+    return b"".join([head, body, _digest(head, body)])
+
+
+def _upper(matrix: sp.csr_array) -> sp.csr_array:
+    """The upper triangle of 0.5 (A + A'), by rising columns and without zeros."""
+    across = sp.csr_array(matrix.T)
+    if matrix.has_canonical_format and _equal(matrix, across):
+        symmetric = matrix
+    else:
+        symmetric = sp.csr_array(0.5 * (matrix + across))
+        symmetric.sum_duplicates()
+    rows = np.repeat(np.arange(symmetric.shape[0], dtype=symmetric.indices.dtype), np.diff(symmetric.indptr))
+    kept = (symmetric.indices >= rows) & (symmetric.data != 0.0)
+    starts = np.append(0, np.cumsum(kept))[symmetric.indptr]
+    return sp.csr_array((symmetric.data[kept], symmetric.indices[kept], starts), shape=symmetric.shape)
+
+
+def _equal(a: sp.csr_array, b: sp.csr_array) -> bool:
+    return all(np.array_equal(getattr(a, part), getattr(b, part)) for part in ("indptr", "indices", "data"))
 
 
 def submap_from_bytes(message: bytes, *, prove: bool = True) -> Submap:
@@ -237,7 +251,7 @@ def _decoded(message: bytes) -> _Content:
     expected = HEADER.size + length + DIGEST_BYTES
     if len(message) != expected:
         raise InputError(f"the file states {expected} bytes and has {len(message)}: it was cut off or added to")
-    if _digest(message[:-DIGEST_BYTES]) != message[-DIGEST_BYTES:]:
+    if _digest(memoryview(message)[:-DIGEST_BYTES]) != message[-DIGEST_BYTES:]:
         raise InputError("the digest does not fit the content: the file is damaged; fetch it again")
     try:
         return msgspec.msgpack.decode(message[HEADER.size : -DIGEST_BYTES], type=_Content)
@@ -245,13 +259,16 @@ def _decoded(message: bytes) -> _Content:
         raise InputError(f"the content is not that of a submap: {error}") from None
 
 
-def _digest(message: bytes) -> bytes:
-    return hashlib.blake2b(message, digest_size=DIGEST_BYTES).digest()
+def _digest(*parts: bytes | memoryview) -> bytes:
+    digest = hashlib.blake2b(digest_size=DIGEST_BYTES)
+    for part in parts:
+        digest.update(part)
+    return digest.digest()
 
 
 def _packed(array: AnyArray) -> _Array:
     kind: Literal["<f8", "<i8"] = "<f8" if array.dtype.kind == "f" else "<i8"
-    return _Array(kind, array.shape, np.ascontiguousarray(array.astype(kind)).tobytes())
+    return _Array(kind, array.shape, np.ascontiguousarray(array, kind).tobytes())
 
 
 def _unpacked(array: _Array, name: str, dtype: str, axes: int) -> AnyArray:

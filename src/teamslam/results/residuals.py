@@ -1,0 +1,134 @@
+"""residuals.csv: what every row of the log leaves at the map.
+
+component         the map that it belongs to
+robot, source     who measured, and which of its logs (odometry, landmarks, robots, ...)
+model, row        the kind of measurement, and the row's number in that log
+stamp_s           of the pose it was taken from, the later of two; empty where there is none (a surveyed landmark)
+target            what was seen: 'landmark 7', 'robot 3'; of odometry, the robot itself
+weight            the loss's, 1 for the squared loss: near 0 where the row was taken for an outlier
+u_1, u_2, ...     the whitened residual W e, e = z (-) h, in the order of the model's parts: where the noise of the
+                  parts is not correlated, each part in its own standard deviations
+"""
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teamslam.geometry import Array, IntArray
+from teamslam.model import Names, index_of, is_landmark, robot_of
+from teamslam.trust import Verdict
+
+LANDMARK = "landmark "  # what a target that is one begins with
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """m rows of one sensor of one robot in one component, as residuals.csv has them: `whitened` (m, r); `stamp_s` (m,)
+    is nan where there is none; `target` (m,) is a place in `targets`."""
+
+    component: int
+    robot: str
+    source: str
+    model: str
+    row: IntArray
+    stamp_s: Array
+    target: IntArray
+    targets: tuple[str, ...]
+    weight: Array
+    whitened: Array
+
+    @property
+    def size(self) -> Array:
+        """The length of each residual over the root of its numbers (m,): about 1 where the model is right."""
+        return np.asarray(np.sqrt(np.mean(self.whitened**2, -1)))
+
+
+def residuals_of(verdict: Verdict) -> tuple[Residuals, ...]:
+    """What a verdict rests on, in words and stamps."""
+    names = verdict.names
+    return tuple(
+        Residuals(
+            component=component,
+            robot=names.robot(rows.table.robot),
+            source=rows.table.source,
+            model=rows.table.model,
+            row=rows.table.ids,
+            stamp_s=np.where(rows.observers > 0, names.stamps_s(rows.observers), np.nan),
+            **_targets(rows.table.keys[:, -1], names),
+            weight=rows.weight,
+            whitened=rows.whitened,
+        )
+        for component, part in enumerate(verdict.parts, start=1)
+        for rows in part.rows
+    )
+
+
+def _targets(keys: IntArray, names: Names) -> dict[str, Any]:
+    """Landmarks, and the robots that poses belong to, in words."""
+    known, which = np.unique(np.where(is_landmark(keys), keys, -robot_of(keys)), return_inverse=True)
+
+    def word(n: int) -> str:
+        return f"{LANDMARK}{names.landmark(int(index_of(n)))}" if n >= 0 else f"robot {names.robot(-n)}"
+
+    return {"target": np.asarray(which), "targets": tuple(map(word, known.tolist()))}
+
+
+def write_residuals(residuals: Sequence[Residuals], path: Path) -> None:
+    """The table, a row a measurement."""
+    widest = max((part.whitened.shape[-1] for part in residuals), default=0)
+    head = ("component", "robot", "source", "model", "row", "stamp_s", "target", "weight")
+    with path.open("w", newline="", encoding="utf-8") as file:
+        file.write(_line([*head, *(f"u_{n + 1}" for n in range(widest))]))
+        for part in residuals:
+            file.writelines(_lines(part, widest))
+
+
+def _lines(part: Residuals, widest: int) -> Iterator[str]:
+    """A line is the same words, and numbers put into them."""
+    numbers = part.whitened.shape[-1]
+    words = _line([part.component, part.robot, part.source, part.model]).strip("\n").replace("%", "%%")
+    form = f"{words},%d,%s,%s,%.4g{',%.5g' * numbers}{',' * (widest - numbers)}\n"
+    stamps = ("" if stamp != stamp else f"{stamp:.6f}" for stamp in part.stamp_s.tolist())
+    quoted = [_line([word]).strip("\n") for word in part.targets]
+    targets = map(quoted.__getitem__, part.target.tolist())
+    columns = (part.row.tolist(), stamps, targets, part.weight.tolist(), *part.whitened.T.tolist())
+    return map(form.__mod__, zip(*columns, strict=True))
+
+
+def _line(cells: Iterable[object]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(cells)
+    return out.getvalue()
+
+
+def read_residuals(path: Path) -> tuple[Residuals, ...]:
+    """The table that `write_residuals` wrote, numbers to its digits. ValueError where it is another table."""
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = csv.reader(file)
+        next(lines)
+        found: dict[tuple[str, ...], list[list[str]]] = {}
+        for cells in lines:
+            found.setdefault(tuple(cells[:4]), []).append(cells[4:])
+    return tuple(_part(words, cells) for words, cells in found.items())
+
+
+def _part(words: tuple[str, ...], cells: list[list[str]]) -> Residuals:
+    row, stamp, target, weight, *whitened = zip(*cells, strict=True)
+    targets, which = np.unique(target, return_inverse=True)
+    return Residuals(
+        component=int(words[0]),
+        robot=words[1],
+        source=words[2],
+        model=words[3],
+        row=np.array(row, np.int64),
+        stamp_s=np.array([float(s or "nan") for s in stamp]),
+        target=np.asarray(which),
+        targets=tuple(targets.tolist()),
+        weight=np.array(weight, float),
+        whitened=np.array([u for u in whitened if u[0]], float).reshape(-1, len(cells)).T,
+    )

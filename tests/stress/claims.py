@@ -1,0 +1,198 @@
+"""CLAIMS: every sentence that may come with a map or instead of one, and how its truth is found.
+
+A sentence that no pattern knows is a failure of its own: what is said must be such that it can be checked.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stress.drive import Outcome
+from stress.failure import Findings
+from stress.maps import rows_of
+from stress.oracle import Oracle, lever, spoken_of
+from teamslam.joining import Component
+from teamslam.model import WORLD, Names, is_pose
+
+WEAK_TURN = 0.2  # [rad]: a heading that is held no better may be called open
+WEAK_PLACE = 0.2  # of the distance
+
+
+@dataclass(frozen=True, eq=False)
+class Saying:
+    """A sentence in its context: what matched, and of which component (None for an error's)."""
+
+    match: re.Match[str]
+    outcome: Outcome
+    oracle: Oracle
+    component: Component | None = None
+
+    def __getitem__(self, group: str) -> str:
+        return self.match[group]
+
+    @property
+    def names(self) -> Names:
+        """What things are called."""
+        return self.outcome.log.names
+
+
+Check = Callable[[Saying], bool]
+
+
+def check_sentences(outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """All that was said, sentence by sentence."""
+    if outcome.error is not None:
+        _check(f"{type(outcome.error).__name__}: {outcome.error}", outcome, oracle, None, findings)
+        return
+    assert outcome.joined is not None
+    apart = [c for c in outcome.components[1:]]
+    reasons = list(outcome.joined.reasons)
+    findings.check("each component apart has its reason", len(reasons) == len(apart), f"{len(reasons)}, {len(apart)}")
+    for reason in reasons:
+        _check(reason, outcome, oracle, None, findings)
+    for component in outcome.components:
+        for sentence in component.ambiguities:
+            _check(sentence, outcome, oracle, component, findings)
+        if component.solution is not None:
+            _check(component.solution.status.value, outcome, oracle, component, findings)
+
+
+def _check(sentence: str, outcome: Outcome, oracle: Oracle, component: Component | None, findings: Findings) -> None:
+    for name, (pattern, check) in CLAIMS.items():
+        if match := re.search(pattern, sentence, re.DOTALL):
+            findings.check(f"true: {name}", check(Saying(match, outcome, oracle, component)), sentence)
+            return
+    findings.check(f"a sentence that cannot be checked: {_shape(sentence)}", False, sentence)
+
+
+def _shape(sentence: str) -> str:
+    return re.sub(r"'[^']*'|[-+]?\d[\d.e+-]*", "..", sentence)[:110]
+
+
+# --- who is meant -------------------------------------------------------------------------------------------------
+
+
+def _keys_called(saying: Saying, words: str) -> list[int]:
+    """The variables that some words may mean."""
+    keys = spoken_of(saying.outcome.log.tables)
+    return [int(k) for k in keys if saying.names.describe(int(k)) == words]
+
+
+def _component_of(saying: Saying, key: int) -> Component | None:
+    return next((c for c in saying.outcome.components if key in set(c.map.keys.tolist())), None)
+
+
+# --- checks -------------------------------------------------------------------------------------------------------
+
+
+def _shares_nothing(saying: Saying) -> bool:
+    """The component that begins there speaks of nothing that another one does."""
+    for key in _keys_called(saying, saying["base"]):
+        component = _component_of(saying, key)
+        if component is None:
+            continue
+        log = saying.outcome.log
+        mine = spoken_of(list(rows_of(component.map, log)))
+        rest = [list(rows_of(c.map, log)) for c in saying.outcome.components if c is not component]
+        theirs = np.unique(np.concatenate([spoken_of(rows) for rows in rest]))
+        return not np.isin(mine, theirs[theirs != WORLD]).any()
+    return False
+
+
+def _can_turn(saying: Saying) -> bool:
+    """Some pose of the first map is open, or weak, seen from the component that begins there."""
+    return any(_loose(saying, key) for key in _keys_called(saying, saying["base"]))
+
+
+def _loose(saying: Saying, key: int) -> bool:
+    component = _component_of(saying, key)
+    if component is None:
+        return False
+    others = [c.map for c in saying.outcome.components if c is not component]
+    poses = [int(k) for m in others for k in m.keys if is_pose(int(k))]
+    return all(weak(saying.oracle, key, other) for other in poses[:1] + poses[-1:])
+
+
+def weak(oracle: Oracle, one: int, other: int) -> bool:
+    """Whether a variable seen from a pose is open, or held so loosely that nobody would call it known."""
+    relation = oracle.between(one, other)
+    if oracle.freedom(relation):
+        return True
+    dim = 3 if len(relation) in (3, 6) and len(relation) == 6 else 2
+    if len(relation) == 3 and not is_pose(other):
+        dim = 3
+    sigmas = oracle.sigmas(relation)
+    far = lever(oracle, one, other)
+    return bool((sigmas[:dim] > WEAK_PLACE * far).any() or (sigmas[dim:] > WEAK_TURN).any())
+
+
+def _not_determined(saying: Saying) -> bool:
+    """It is open or weak, seen from every pose of its own robot, or of one that sees it."""
+    for key in _keys_called(saying, saying["what"]):
+        tables = [t.select((t.keys == key).any(1)) for t in saying.oracle.tables]
+        around = [int(k) for k in spoken_of(tables) if k != key and is_pose(int(k))]
+        if not around or all(weak(saying.oracle, pose, key) for pose in around):
+            return True
+    return False
+
+
+def _world_open(saying: Saying) -> bool:
+    """Turning the whole map about costs nothing, or little."""
+    oracle = saying.oracle
+    for own in oracle.robots.values():
+        unknowns = oracle.truth.layout.unknowns(own[:1])
+        dim = 2 if len(unknowns) == 3 else 3
+        relation = np.zeros((len(unknowns) - dim, oracle.truth.layout.dof))
+        relation[np.arange(len(unknowns) - dim), unknowns[dim:]] = 1.0
+        if oracle.freedom(relation) or (oracle.sigmas(relation) > WEAK_TURN).any():
+            return True
+    return False
+
+
+def _no_link(saying: Saying) -> bool:
+    """It stands in no error of a run: a log is cut where its odometry is broken."""
+    return False
+
+
+def _nothing_measured(saying: Saying) -> bool:
+    return not spoken_of(saying.outcome.log.tables).size
+
+
+def _costs(saying: Saying) -> bool:
+    """The map's cost is the one named, and the other is not lower."""
+    assert saying.component is not None
+    mine, other = float(saying["mine"]), float(saying["other"])
+    return np.isclose(mine, saying.component.map.cost, rtol=1e-5) and other >= mine * (1.0 - 1e-5)
+
+
+def _converged(saying: Saying) -> bool:
+    return True  # the map's own check
+
+
+def _never(saying: Saying) -> bool:
+    """Nobody's log should end so."""
+    return False
+
+
+WHO = r"the submaps of robot (?P<robot>.+?) from (?P<base>.+?) on"
+CLAIMS: dict[str, tuple[str, Check]] = {
+    "shares nothing": (WHO + r" share nothing with the map", _shares_nothing),
+    "can still turn": (WHO + r" share only (?P<things>.+) with the map and can still turn", _can_turn),
+    "ranges leave it open": (
+        WHO + r" are tied to the map by (?P<count>\d+) ranges? .* leave (?P<open>\d+) dir",
+        _can_turn,
+    ),
+    "no frame fits the ranges": (WHO + r" are tied to the map by (?P<count>\d+) ranges? .* no frame fits", _never),
+    "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other (?P<other>[^ ]+?)\. ", _costs),
+    "not determined": (r"SolveError: (?P<what>.+) is not determined by", _not_determined),
+    "the world is open": (r"the map's orientation in the world is not determined", _world_open),
+    "no odometry links": (r"no odometry links (?P<what>.+) to (?P<base>.+); cut the log", _no_link),
+    "nothing measured": (r"there is nothing to join", _nothing_measured),
+    "converged": (r"^Converged: ", _converged),
+    "all fixed": (
+        r"^Nothing to estimate",
+        lambda saying: saying.component is not None and not saying.component.map.dof,
+    ),
+}

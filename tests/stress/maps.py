@@ -1,0 +1,177 @@
+"""What every map must be: finite, sure of itself by as much as its own rows allow, whole, and at an optimum."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from stress.drive import Outcome
+from stress.failure import Findings
+from stress.oracle import jacobian, true_values, whitened
+from teamslam.geometry import Array
+from teamslam.joining import Component
+from teamslam.model import WORLD, Dataset, Submap, Table, Values
+from teamslam.solver import Covariances, System, optimise
+
+ROUNDING = 1e-6
+FARTHER = 1e-2  # [sigmas]: so near its optimum a map must be that says it has converged
+WORSE = 1e-3  # of the cost, and of one sigma squared: so little above the optimum from the truth a map may end
+SIGMAS = 6.0  # what a chi-square may be off, in its own standard deviations
+
+
+def check_maps(outcome: Outcome, findings: Findings, *, fair: bool) -> None:
+    """Every map of an outcome. `fair`: noise is what it is stated to be and small, so that there is one optimum."""
+    for component in outcome.components:
+        if not _sound(component.map, findings):
+            continue
+        rows = list(rows_of(component.map, outcome.log))
+        _covariances(component, findings)
+        if outcome.exact:
+            _information(component.map, rows, findings)
+        if outcome.exact:
+            _cost(component.map, rows, findings)
+            _optimum(component, rows, findings)
+        if fair:
+            _against_truth(component, rows, outcome, findings)
+
+
+def rows_of(submap: Submap, log: Dataset) -> Iterable[Table]:
+    """The rows of the log that a map says it holds, and whose variables it has."""
+    for table in log.tables:
+        keep = np.zeros(len(table), bool)
+        for stretch in submap.sources:
+            if (stretch.robot, stretch.source) == (table.robot, table.source):
+                keep |= (table.ids >= stretch.start) & (table.ids < stretch.stop)
+        keep &= np.isin(table.keys, submap.keys).all(1)
+        if keep.any():
+            yield table.select(keep)
+
+
+def everything(submap: Submap) -> Values:
+    """The estimate with its base."""
+    return submap.values if submap.base == WORLD else submap.all_values
+
+
+def cost_at(rows: Iterable[Table], values: Values) -> float:
+    """F: the losses of all rows."""
+    return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in rows)
+
+
+def weighted(rows: Iterable[Table], values: Values) -> tuple[Array, Array]:
+    """The whitened residuals (m,) and Jacobian (m, dof), each by the root of its loss's weight."""
+    rows = list(rows)
+    residuals = [t.whitened(values) for t in rows]
+    roots = [np.sqrt(t.loss.weight(np.sum(e**2, -1)))[:, None] for t, e in zip(rows, residuals, strict=True)]
+    e = np.concatenate([(e * w).ravel() for e, w in zip(residuals, roots, strict=True)])
+    every = np.concatenate([np.broadcast_to(w, e.shape).ravel() for e, w in zip(residuals, roots, strict=True)])
+    return e, whitened(rows, jacobian(rows, values)) * every[:, None]
+
+
+def free_of(submap: Submap, values: Values) -> Array:
+    """The unknowns of a map among those of its values with the base."""
+    return values.layout.unknowns(submap.values.layout.keys)
+
+
+# --- checks -------------------------------------------------------------------------------------------------------
+
+
+def _sound(submap: Submap, findings: Findings) -> bool:
+    """Numbers are finite, rotations are rotations, the information is symmetric and positive definite."""
+    finite = np.isfinite(submap.values.state).all() and np.isfinite(submap.information.data).all()
+    if not findings.check("a map's numbers are finite", bool(finite and np.isfinite(submap.cost)), submap.id):
+        return False
+    for kind, _, data in submap.values.parts():
+        if kind.is_pose:
+            gram = np.swapaxes(data.rotation, -1, -2) @ data.rotation - np.eye(kind.dim)
+            findings.check("rotations are rotations", bool(np.abs(gram).max() < 1e-8), np.abs(gram).max())
+    matrix = submap.information.toarray()
+    if not len(matrix):
+        return True
+    diagonal = np.diag(matrix)
+    if not findings.check("information is positive definite", bool((diagonal > 0.0).all()), diagonal.min()):
+        return False
+    scaled = matrix / np.sqrt(diagonal[:, None] * diagonal)
+    lopsided = float(np.abs(scaled - scaled.T).max())
+    findings.check("information is symmetric", lopsided < 1e-9, lopsided)
+    least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+    findings.check("information is positive definite", least > -1e-12, f"least eigenvalue, scaled: {least}")
+    return True
+
+
+def _covariances(component: Component, findings: Findings) -> None:
+    """They exist for all variables, finite and positive."""
+    submap = component.map
+    try:
+        found = Covariances.of_map(submap)
+        blocks = [found.of(int(key)) for key in submap.values.layout.keys]
+    except Exception as error:
+        findings.check("covariances of a map exist", False, f"{type(error).__name__}: {error}")
+        return
+    good = all(np.isfinite(b).all() and (np.diag(b) > 0.0).all() for b in blocks)
+    findings.check("covariances of a map exist", good, "not finite, or not positive")
+
+
+def _information(submap: Submap, rows: list[Table], findings: Findings) -> None:
+    """It is that of its rows at the estimate: J'W'wWJ."""
+    values = everything(submap)
+    _, j = weighted(rows, values)
+    j = j[:, free_of(submap, values)]
+    mine, theirs = j.T @ j, submap.information.toarray()
+    scale = np.sqrt(np.diag(mine))
+    scale[scale == 0.0] = 1.0
+    off = float(np.abs((mine - theirs) / (scale[:, None] * scale)).max(initial=0.0))
+    findings.check("information is that of the rows", off < 1e-4, f"off by {off:.3g} of the diagonal")
+
+
+def _cost(submap: Submap, rows: list[Table], findings: Findings) -> None:
+    """A map's cost is that of its rows."""
+    mine = cost_at(rows, everything(submap))
+    near = abs(mine - submap.cost) <= 1e-6 * abs(mine) + 1e-6
+    findings.check("cost is that of the rows", near, f"stated {submap.cost:.9g}, found {mine:.9g}")
+
+
+def _optimum(component: Component, rows: list[Table], findings: Findings) -> None:
+    """Where it says it has converged, the gradient is zero, in sigmas."""
+    if component.solution is None or not component.solution.converged:
+        return
+    values = everything(component.map)
+    e, j = weighted(rows, values)
+    j = j[:, free_of(component.map, values)]
+    if not j.shape[1]:
+        return
+    scale = np.linalg.norm(j, axis=0)
+    scale[scale == 0.0] = 1.0
+    step, *_ = np.linalg.lstsq(j / scale, -e, rcond=1e-10)
+    ahead = float(np.linalg.norm(j / scale @ step))
+    # Differences of residuals are good to 1e-9 of the Jacobian; on large residuals that is what is seen of a gradient.
+    hidden = 1e-7 * float(np.linalg.norm(e))
+    findings.check("a converged map is at an optimum", ahead < FARTHER + hidden, f"{ahead:.3g} sigmas from it")
+
+
+def _against_truth(component: Component, rows: list[Table], outcome: Outcome, findings: Findings) -> None:
+    """With noise as stated, and little of it: no worse than the optimum that the truth leads to, and near the truth."""
+    submap, truth = component.map, true_values(outcome.log)
+    keys = submap.keys[submap.keys != WORLD]
+    if not submap.values.layout.dof or not truth.layout.contains(keys).all():
+        return
+    truth = truth.only(keys)
+    if submap.base != WORLD:
+        truth = truth.transform(truth.pose(submap.base).inverse())
+    fixed = [] if submap.base == WORLD else [submap.base]
+    best = optimise(System(truth.layout, tables=rows, fixed=np.array(fixed, np.int64)), truth)
+    if outcome.exact and best.converged:
+        above = submap.cost - best.cost
+        ambiguous = bool(component.ambiguities)
+        findings.check(
+            "a map costs no more than the optimum from the truth",
+            above <= WORSE * (best.cost + 1.0) or ambiguous,
+            f"{submap.cost:.6g} instead of {best.cost:.6g}",
+        )
+        if above > WORSE * (best.cost + 1.0):
+            return
+    error = truth.only(submap.values.layout.keys).minus(submap.values)
+    nees, dof = float(error @ (submap.information @ error)), submap.dof
+    findings.check(
+        "a map's errors are those that it expects",
+        nees < dof + SIGMAS * np.sqrt(2.0 * dof) + 20.0,
+        f"NEES {nees:.4g} of {dof} unknowns",
+    )
