@@ -31,13 +31,15 @@ def maps_in(path: Path) -> "tuple[Submap, ...]":
 
 
 def truth_in(path: Path) -> Truth:
-    """The truth in a log, or the maps of another run. InputError where there is none."""
+    """The truth in a log, or the maps of another run or in a file of maps. InputError where there is none."""
     from teamslam.errors import InputError
-    from teamslam.io import read
+    from teamslam.io import formats_of, read, read_maps
     from teamslam.results import is_run, read_run
 
     if path.is_dir() and is_run(path):
         return Truth(tuple((map.all_values, map.names) for map in read_run(path).maps), is_map=True)
+    if [kind for kind, _ in formats_of(path)] == ["map"]:
+        return Truth(tuple((map.values, map.names) for map in read_maps(path)), is_map=True)
     log = read(path)
     if log.truth is None:
         raise InputError("this log holds no truth; there is nothing to score against", path=path)

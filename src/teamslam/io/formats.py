@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from teamslam.errors import InputError
+from teamslam.io.looks import described
+from teamslam.io.maps.estimate import MapEstimate
 from teamslam.model import Dataset, Dropped, Submap
 
 
@@ -24,6 +26,7 @@ class Format:
     description: str
     suffixes: tuple[str, ...] = ()
     writes: bool = True
+    reads: bool = True
 
     def function(self, name: str) -> Any:
         """A function of the format's module, imported now."""
@@ -47,6 +50,18 @@ SUBMAP_FORMATS: dict[str, Format] = {
     "islsjf": Format("teamslam.io.submaps.localmaps_mat", "I-SLSJF: a folder with localmap_1.mat, ...", writes=False),
     "linear": Format("teamslam.io.submaps.localmaps_text", "Linear SLAM: a folder with localmap_1.txt, ..."),
 }
+
+
+MAP_FORMATS: dict[str, Format] = {
+    "g2o": Format(
+        "teamslam.io.maps.star", "g2o graph: vertices, and an edge from the frame to each", (".g2o",), reads=False
+    ),
+    "jrr": Format("teamslam.io.maps.jrr", "GTSAM's values as JSON robot results", (".jrr",)),
+    "tum": Format("teamslam.io.maps.tum", "TUM trajectories, a file a robot", (".tum",), reads=False),
+    "csv": Format("teamslam.io.maps.table", "one table of poses and landmarks with covariances", (".csv",)),
+}
+
+KINDS = {"log": FORMATS, "submaps": SUBMAP_FORMATS, "map": MAP_FORMATS}
 
 
 def read(path: str | Path, format: str | None = None, **options: object) -> Dataset:
@@ -92,21 +107,58 @@ def write_submaps(submaps: Sequence[Submap], path: str | Path, format: str = "te
     return losses
 
 
+def write_maps(maps: Sequence[MapEstimate], path: str | Path, format: str | None = None) -> tuple[Dropped, ...]:
+    """Writes finished maps in the format named or told by the path's ending; several into files of their own where a
+    file holds one. Returns what the format has no place for."""
+    path = Path(path)
+    row = _row_to_write(MAP_FORMATS, path, format, None)
+    losses: tuple[Dropped, ...] = row.function("write")(maps, path)
+    return losses
+
+
+def read_maps(path: str | Path, format: str | None = None) -> list[MapEstimate]:
+    """The finished maps in a file, of the format named or told by its looks. InputError says what is wrong."""
+    path = Path(path)
+    found: list[MapEstimate] = _row(MAP_FORMATS, path, format).function("read")(path)
+    return found
+
+
+def formats_of(path: str | Path) -> list[tuple[str, str]]:
+    """What a path looks like: the kinds ('log', 'submaps', 'map') and formats that its beginning or its files fit."""
+    path = Path(path)
+    if not path.exists():
+        raise InputError("there is no such file or folder; check the path", path=path)
+    return [(kind, name) for kind, rows in KINDS.items() for name in _fitting(rows, path)]
+
+
+def _fitting(rows: dict[str, Format], path: Path) -> list[str]:
+    try:
+        return [name for name, row in rows.items() if row.reads and row.function("sniff")(path)]
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path=path) from None
+
+
 def _row(rows: dict[str, Format], path: Path, format: str | None) -> Format:
     """The row to read a path with."""
     if format is not None:
         return _named(rows, format)
-    if not path.exists():
-        raise InputError("there is no such file or folder; check the path", path=path)
-    for row in rows.values():
-        if row.function("sniff")(path):
-            return row
-    raise InputError(f"this is none of the formats that teamslam reads:\n{_listing(rows)}", path=path)
+    fitting = [name for kind, name in formats_of(path) if KINDS[kind] is rows]
+    if fitting:
+        return rows[fitting[0]]
+    looks = described(path, lambda other: [name for kind, name in formats_of(other)])
+    others = [f"{KINDS[kind][name].description}" for kind, name in formats_of(path)]
+    looks = f"this is {others[0]}" if others else looks
+    raise InputError(f"{looks}. It is none of the formats that teamslam reads here:\n{_listing(rows)}", path=path)
 
 
-def _row_to_write(rows: dict[str, Format], path: Path, format: str | None, default: str) -> Format:
+def _row_to_write(rows: dict[str, Format], path: Path, format: str | None, default: str | None) -> Format:
     by_suffix = (name for name, row in rows.items() if path.suffix and path.suffix in row.suffixes)
-    row = _named(rows, format or next(by_suffix, default))
+    name = format or next(by_suffix, default)
+    if name is None:
+        raise InputError(
+            f"the ending of this name says no format; say which one to write:\n{_listing(rows)}", path=path
+        )
+    row = _named(rows, name)
     if not row.writes:
         writable = {name: row for name, row in rows.items() if row.writes}
         raise InputError(f"teamslam reads this format but does not write it; it writes:\n{_listing(writable)}")

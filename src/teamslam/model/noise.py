@@ -41,7 +41,8 @@ def whitening_of_information(information: Array) -> Array:
     """
     correlation, scale = _correlation(information, "information")
     eigenvalues, vectors = np.linalg.eigh(correlation)
-    bad = (eigenvalues[:, 0] < -_WRITTEN) | (scale.max(-1) == 0.0)
+    diagonal = np.diagonal(np.reshape(information, correlation.shape), axis1=1, axis2=2)
+    bad = (eigenvalues[:, 0] < -_WRITTEN) | (diagonal < 0.0).any(-1) | (scale.max(-1) == 0.0)
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
         raise ModelError(
@@ -55,9 +56,9 @@ def whitening_of_information(information: Array) -> Array:
     factor = np.zeros_like(correlation)
     factor[~singular] = np.linalg.cholesky(correlation[~singular][:, ::-1, ::-1])
     if singular.any():
-        kept = np.maximum(eigenvalues[singular], 0.0)
+        kept = np.where(eigenvalues[singular] > _SINGULAR, eigenvalues[singular], 0.0)
         nearest = (vectors[singular] * kept[:, None, :]) @ np.swapaxes(vectors[singular], 1, 2)
-        factor[singular] = _semidefinite_cholesky(nearest[:, ::-1, ::-1])
+        factor[singular] = _semidefinite_cholesky(nearest[:, ::-1, ::-1], (kept > 0.0).sum(-1))
     triangle = np.swapaxes(factor, 1, 2)[:, ::-1, ::-1] * scale[:, None, :]
     return np.ascontiguousarray(triangle).reshape(np.shape(information))
 
@@ -102,13 +103,21 @@ def _correlation(matrix: Array, name: str) -> tuple[Array, Array]:
     return 0.5 * (correlation + swapped), scale
 
 
-def _semidefinite_cholesky(matrix: Array) -> Array:
-    """L (n, r, r) lower triangular with matrix = L L', columns of zeros where a pivot is."""
-    left, factor = matrix.copy(), np.zeros_like(matrix)
-    for j in range(matrix.shape[-1]):
-        pivot = left[:, j, j]
-        used = pivot > 1e-12
-        root = np.sqrt(np.where(used, pivot, 1.0))
-        factor[:, j:, j] = np.where(used[:, None], left[:, j:, j] / root[:, None], 0.0)
-        left -= factor[:, :, j, None] * factor[:, None, :, j]
-    return factor
+def _semidefinite_cholesky(matrix: Array, rank: IntArray) -> Array:
+    """L (n, r, r) lower triangular with matrix = L L' and as many columns that are not zero as the matrix has rank.
+
+    What rounding leaves of a pivot that is zero is more where the matrix is close to a lower rank.
+    """
+    zero = np.full(len(matrix), 1e-12)
+    while True:
+        left, factor = matrix.copy(), np.zeros_like(matrix)
+        for j in range(matrix.shape[-1]):
+            pivot = left[:, j, j]
+            used = pivot > zero
+            root = np.sqrt(np.where(used, pivot, 1.0))
+            factor[:, j:, j] = np.where(used[:, None], left[:, j:, j] / root[:, None], 0.0)
+            left -= factor[:, :, j, None] * factor[:, None, :, j]
+        more = (factor != 0.0).any(1).sum(-1) > rank
+        if not more.any():
+            return factor
+        zero[more] *= 10.0

@@ -201,8 +201,14 @@ DAMAGE = {
     "infinite": (PLANE.replace("VERTEX_XY 20 3 3", "VERTEX_XY 20 3 inf"), r"line 4, field 'y': expected a finite"),
     "cut line": (PLANE.replace("2 0.1 0 3 0 4", "2 0.1"), r"line 6: EDGE_SE2 needs 11 words after the tag, found 7"),
     "long line": (PLANE.replace("VERTEX_SE2 1 1", "VERTEX_SE2 1 1 1"), r"line 2: VERTEX_SE2 needs 4 words"),
-    "indefinite information": (PLANE.replace("2 0.1 0 3 0 4", "2 9 0 3 0 4"), r"line 6: information is negative in"),
-    "negative information": (PLANE.replace("2 0.1 0 3 0 4", "2 0 0 3 0 -1e-9"), r"line 6: information is negative in"),
+    "indefinite information": (
+        PLANE.replace("2 0.1 0 3 0 4", "2 9 0 3 0 4"),
+        r"line 6: information has a negative eigenvalue",
+    ),
+    "negative information": (
+        PLANE.replace("2 0.1 0 3 0 4", "2 0 0 3 0 -1e-9"),
+        r"line 6: information has a negative eigenvalue",
+    ),
     "unknown vertex": (PLANE.replace("EDGE_SE2 1 7", "EDGE_SE2 1 8"), r"line 6, field 'id': vertex 8 is not defined"),
     "wrong kind": (PLANE.replace("EDGE_SE2_XY 0 20", "EDGE_SE2_XY 0 1"), r"vertex 1 is a POSE2, expected a POINT2"),
     "to itself": (PLANE.replace("EDGE_SE2 1 7", "EDGE_SE2 7 7"), "from vertex 7 to itself"),
@@ -260,3 +266,14 @@ def test_nothing_but_a_log_or_an_error_comes_out(tmp_path_factory: pytest.TempPa
     path = tmp_path_factory.mktemp("fuzz") / "graph.g2o"
     found = survives(g2o.read, path, content)
     assert found is None or isinstance(found, Dataset)
+
+
+@pytest.mark.parametrize("text", [PLANE, SPACE.replace("PARAMS_SE3OFFSET 0 0.1", "PARAMS_SE3OFFSET 0 0")])
+def test_gtsam_reads_what_is_written(text: str, tmp_path: Path) -> None:
+    """GTSAM's reader of the plane finds no edge below a line that it does not know: names come last."""
+    gtsam = pytest.importorskip("gtsam")
+    found = read(written(tmp_path, text))
+    write(found, tmp_path / "out.g2o")
+    graph, _ = gtsam.readG2o(str(tmp_path / "out.g2o"), text is not PLANE)
+    relative = sum(len(t) for t in found.tables if t.model == "relative_pose")
+    assert sum("BetweenFactor" in type(graph.at(k)).__name__ for k in range(graph.size())) == relative

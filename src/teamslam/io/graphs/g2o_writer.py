@@ -50,7 +50,8 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
     sensors: list[Pose] = []
     edges = [line for table, ends in parts for line in _edge_lines(table, str(_tag(table, ends)), ids, sensors)]
     vertices, missing = _vertices(dataset, ids)
-    write_text(path, "\n".join([note(dataset.names), *_parameters(sensors), *vertices, *edges]) + "\n")
+    # The note comes last: GTSAM's reader of the plane finds no edge below a comment.
+    write_text(path, "\n".join([*_parameters(sensors), *vertices, *edges, note(dataset.names)]) + "\n")
     return tuple(said) + _losses(dataset, missing)
 
 

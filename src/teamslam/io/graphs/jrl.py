@@ -14,23 +14,20 @@ come before ranges; those in space have a covariance in GTSAM's basis of the sph
 teamslam's. Source: the public format documents of JRL (Daniel McGann).
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array
-from teamslam.io.files.delimited import read_text
-from teamslam.io.files.json_place import Json
+from teamslam.io.files.json_place import Json, read_json
 from teamslam.io.files.options import options_of
 from teamslam.io.graphs.edges import Edges, matching, robots_of, tables_of, values_of, whitened
 from teamslam.io.graphs.jrl_factors import FACTORS, KINDS, Factor
 from teamslam.io.graphs.jrl_noise import covariance_here
-from teamslam.io.graphs.jrl_values import bearing_range, pose_or_point, scalar
+from teamslam.io.graphs.jrl_values import bearing_range, keyed, pose_or_point, scalar
 from teamslam.io.graphs.jrl_writer import NOTE, lacks, write
 from teamslam.io.graphs.naming import names_in
 from teamslam.io.graphs.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
@@ -58,22 +55,8 @@ def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
     read: damaged JSON, missing or strange entries, covariances of the wrong size or not positive definite.
     """
     chosen = options_of(Options, options, reader="jrl")
-    content = _Content(Json(path, "", _parsed(path)))
+    content = _Content(read_json(path))
     return content.dataset(str(path), chosen.drop_outliers)
-
-
-def _parsed(path: Path) -> Any:
-    text = read_text(path)
-    try:
-        return json.loads(text, parse_constant=_no_constant)
-    except json.JSONDecodeError as error:
-        raise InputError(f"this is no JSON: {error.msg}", path=path, line=error.lineno) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"this JSON cannot be read: {error}", path=path) from None
-
-
-def _no_constant(word: str) -> float:
-    raise ValueError(f"'{word}' stands where a finite number is needed")
 
 
 @dataclass
@@ -191,7 +174,7 @@ class _Content:
             return None
         rows: dict[Kind, dict[int, Sequence[float]]] = {}
         for _, robot in self.root.get(name).items():
-            for symbol, place in _keyed(robot):
+            for symbol, place in keyed(robot):
                 kind = KINDS.get(place.get("type").text())
                 of_landmark = kind is not None and (not kind.is_pose or split_symbol(symbol)[0] == LOWER_FIRST.landmark)
                 if kind is None or (of_landmark and symbol not in self.marks):
@@ -231,10 +214,3 @@ def _symbols(factor: Factor, place: Json) -> list[int]:
         if not 0 <= symbol < 1 << 63:
             raise place.error(f"keys run from 0 to 2^63 - 1, found {symbol}")
     return symbols
-
-
-def _keyed(values: Json) -> list[tuple[int, Json]]:
-    """Values as a list of objects with a key, or as a map from keys."""
-    if isinstance(values.value, dict):
-        return [(place.integer_of(name), place) for name, place in values.items()]
-    return [(place.get("key").whole(), place) for place in values.elements()]

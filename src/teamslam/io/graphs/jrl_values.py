@@ -9,6 +9,13 @@ from teamslam.io.files.json_place import Json
 from teamslam.model import Kind, pack, unpack
 
 
+def keyed(values: Json) -> list[tuple[int, Json]]:
+    """Values as a list of objects with a key, or as a map from keys."""
+    if isinstance(values.value, dict):
+        return [(place.integer_of(name), place) for name, place in values.items()]
+    return [(place.get("key").whole(), place) for place in values.elements()]
+
+
 def pose_or_point(place: Json, kind: Kind) -> tuple[float, ...]:
     """A Pose2, Pose3, Point2 or Point3 as a row of the state vector."""
     if kind is Kind.POSE2:

@@ -13,12 +13,11 @@ from teamslam.io.files.records import Records, read_records, triangle
 from teamslam.io.graphs import g2o_tags, toro_tags
 from teamslam.io.graphs.charts import inverse_chart
 from teamslam.io.graphs.edges import whitened
-from teamslam.io.graphs.information import whitening_of_information
 from teamslam.io.graphs.naming import names_in
 from teamslam.io.graphs.part import Measured, Part, Vertices
 from teamslam.io.graphs.tags import FORMS, Tag
 from teamslam.io.graphs.toro_noise import Dialect, dialect_of, whitening_of
-from teamslam.model import Dropped, Kind, Names
+from teamslam.model import Dropped, Kind, Names, whitening_of_information
 
 VERTICES = g2o_tags.VERTICES | toro_tags.VERTICES
 
@@ -182,10 +181,11 @@ def _dropped(lines: Sequence[Records]) -> Iterable[Dropped]:
 
 def _noted(path: Path) -> Names | None:
     """The names that a file of teamslam's own making carries in a comment."""
-    first = read_text(path).partition("\n")[0]
-    if not first.startswith(g2o_tags.NOTE):
+    lines = [(k, line) for k, line in enumerate(read_text(path).split("\n"), 1) if line.startswith(g2o_tags.NOTE)]
+    if not lines:
         return None
+    number, line = lines[-1]
     try:
-        return names_in(json.loads(first[len(g2o_tags.NOTE) :]))
+        return names_in(json.loads(line[len(g2o_tags.NOTE) :]))
     except (ValueError, RecursionError):
-        raise InputError("teamslam's note of names is damaged; remove the line", path=path, line=1) from None
+        raise InputError("teamslam's note of names is damaged; remove the line", path=path, line=number) from None

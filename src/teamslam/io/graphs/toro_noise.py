@@ -20,10 +20,9 @@ import numpy as np
 from teamslam.geometry import Array
 from teamslam.io.files.records import Records, triangle
 from teamslam.io.graphs.edges import Fail, whitened
-from teamslam.io.graphs.information import whitening_of_information
 from teamslam.io.graphs.tags import FORMS, Tag
 from teamslam.io.graphs.toro_tags import EDGES, SIGMAS, TORO
-from teamslam.model import whitening
+from teamslam.model import whitening, whitening_of_information
 
 MEANINGS = ("information", "square_root", "covariance")
 TRIANGLE, TORO_ORDER = (0, 1, 2, 3, 4, 5), (0, 1, 4, 2, 5, 3)  # places of 11 12 13 22 23 33

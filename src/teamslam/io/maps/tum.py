@@ -3,6 +3,7 @@
 Planar poses are written at height 0 with a rotation about z, and read as poses in space.
 """
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
 from teamslam.io.files.delimited import read_columns
 from teamslam.io.files.text import rows_of_text, write_text
-from teamslam.model import Names, Values, is_pose, robot_of
+from teamslam.io.maps.estimate import MapEstimate, paths_of
+from teamslam.model import Dropped, Names, Values, is_pose, robot_of
 
 FIELDS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -47,16 +49,57 @@ def read_trajectory(path: str | Path) -> tuple[Array, Pose]:
     return stamps, Pose.from_quaternion(columns.values[:, 1:4], quaternions[:, [3, 0, 1, 2]])
 
 
+def sniff(path: Path) -> bool:
+    """A file *.tum, or a folder of them."""
+    return any(path.glob("*.tum")) if path.is_dir() else path.suffix == ".tum"
+
+
+def write(maps: Sequence[MapEstimate], path: Path) -> tuple[Dropped, ...]:
+    """Writes one file for each robot of each map: the path itself for a single one, else `<path>_<robot>.tum`; of a
+    path without an ending, a folder of them."""
+    for found, file in zip(maps, paths_of(path, len(maps)), strict=True):
+        if not path.suffix:
+            write_trajectories(found.values, found.names, file)
+        elif len(found.robots) == 1:
+            _write_robot(found.values, found.names, found.robots[0], file)
+        else:
+            for robot, name in file_names(found.robots, found.names).items():
+                _write_robot(found.values, found.names, robot, file.with_stem(f"{file.stem}_{name}"))
+    poses = sum(int(is_pose(found.values.layout.keys).sum()) for found in maps)
+    rest = sum(len(found.values) for found in maps) - poses
+    counts = [
+        (poses, "covariances of poses: TUM has no place for them"),
+        (rest, "landmarks: TUM has no place for them"),
+    ]
+    return tuple(Dropped(count, reason) for count, reason in counts if count)
+
+
 def write_trajectories(values: Values, names: Names, folder: str | Path) -> list[Path]:
     """Writes one file for each robot that has poses among the values, `<robot>.tum`; returns the files."""
-    keys = np.sort(values.layout.keys[is_pose(values.layout.keys)])
+    keys = values.layout.keys
+    robots = np.unique(robot_of(keys[is_pose(keys)])).tolist()
     files = []
-    for robot in np.unique(robot_of(keys)).tolist():
-        own = keys[robot_of(keys) == robot]
-        dim = 2 + int(values.layout.kinds[values.layout.index(own)].max() % 2)
-        files.append(Path(folder) / f"{_safe(names.robot(robot))}.tum")
-        write_trajectory(files[-1], names.stamps_s(own), values.poses_of(own, dim))
+    for robot, name in file_names(robots, names).items():
+        files.append(Path(folder) / f"{name}.tum")
+        _write_robot(values, names, robot, files[-1])
     return files
+
+
+def _write_robot(values: Values, names: Names, robot: int, path: Path) -> None:
+    keys = values.layout.keys
+    own = np.sort(keys[is_pose(keys) & (robot_of(keys) == robot)])
+    dim = 2 + int(values.layout.kinds[values.layout.index(own)].max() % 2)
+    write_trajectory(path, names.stamps_s(own), values.poses_of(own, dim))
+
+
+def file_names(robots: Iterable[int], names: Names) -> dict[int, str]:
+    """Robots' names as names of files, each its own."""
+    found: dict[int, str] = {}
+    for robot in robots:
+        plain = _safe(names.robot(robot))
+        taken = {name.lower() for name in found.values()}
+        found[robot] = plain if plain.lower() not in taken else f"{plain}_{robot}"
+    return found
 
 
 def _safe(name: str) -> str:

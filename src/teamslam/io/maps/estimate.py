@@ -1,0 +1,53 @@
+"""A finished map as files of maps hold it: where everything is, and how well each variable is known by itself."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import Array
+from teamslam.model import WORLD, Names, Submap, Values, is_pose, robot_of
+
+
+@dataclass(frozen=True, eq=False)
+class MapEstimate:
+    """The estimate of a map in the frame of its base pose, which is among the values (WORLD: a surveyed frame).
+
+    `covariances`: the marginal covariance (dof, dof) of each variable in the order of the layout, in the chart of
+    `geometry.pose`; zero of the base; None where a file does not hold them. Raises ModelError where they do not fit.
+    """
+
+    values: Values
+    covariances: tuple[Array, ...] | None
+    base: int
+    names: Names = field(default_factory=Names)
+
+    def __post_init__(self) -> None:
+        dofs = self.values.layout.dofs.tolist()
+        if self.covariances is not None and [c.shape for c in self.covariances] != [(d, d) for d in dofs]:
+            raise ModelError(f"a map of {len(dofs)} variables needs a covariance of each, in their order")
+
+    @classmethod
+    def of(cls, submap: Submap, marginals: Sequence[Array]) -> "MapEstimate":
+        """The estimate of a map with the marginal covariances of its variables, in the order of its layout."""
+        if submap.base == WORLD:
+            return cls(submap.values, tuple(marginals), WORLD, submap.names)
+        values = submap.all_values
+        blocks = dict(zip(submap.values.layout.keys.tolist(), marginals, strict=True))
+        still = {submap.base: np.zeros((3 * submap.base_dim - 3,) * 2)}
+        return cls(
+            values, tuple((blocks | still)[key] for key in values.layout.keys.tolist()), submap.base, submap.names
+        )
+
+    @property
+    def robots(self) -> list[int]:
+        """The robots with a pose in it, rising."""
+        keys = self.values.layout.keys
+        return [int(robot) for robot in np.unique(robot_of(keys[is_pose(keys)]))]
+
+
+def paths_of(path: Path, count: int) -> list[Path]:
+    """A file for each of several maps: the path itself, then with `_part_2`, ... before its ending."""
+    return [path, *(path.with_stem(f"{path.stem}_part_{number}") for number in range(2, count + 1))]
