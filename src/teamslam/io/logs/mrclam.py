@@ -1,18 +1,8 @@
 """UTIAS MRCLAM data sets: five planar robots, odometry commands, ranges and bearings to barcodes, motion capture.
 
-A data set is a folder of text files (columns between blanks, `#` comments):
-
-    Barcodes.dat               subject, barcode: subjects 1-5 are robots, others landmarks; differs from set to set
-    RobotN_Odometry.dat        time [s], forward velocity [m/s], angular velocity [rad/s]: commands, held till the next
-    RobotN_Measurement.dat     time [s], barcode (the header wrongly says subject), range [m], bearing [rad, left +]
-    RobotN_Groundtruth.dat     time [s], x, y [m], heading [rad]                       optional
-    Landmark_Groundtruth.dat   subject, x, y [m], x sd, y sd [m]                        optional
-
-What becomes of it: one keyframe pose per camera image of a robot, and one wherever another robot saw it; odometry
-between keyframes by `velocity.integrate`; sightings as `range_bearing` of landmarks and of robots (a robot's heading is
-not seen). Truth is interpolated to the keyframes. Rows that say nothing (unknown barcodes, repeated stamps, stamps that
-step back, sightings outside the odometry) are left out and counted in `Dataset.dropped`; a row that cannot be read is
-an error.
+What becomes of the rows that `mrclam_files` reads: one keyframe pose per camera image of a robot, and one wherever
+another robot saw it; odometry between keyframes by `velocity.integrate`; sightings as `range_bearing` of landmarks and
+of robots (a robot's heading is not seen). Truth is interpolated to the keyframes.
 
 Where the noise model's numbers come from (no truth was used; sets 1 and 6, five robots together):
 
@@ -45,12 +35,23 @@ from teamslam.errors import InputError
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.stamps import keyframe_of, merge
 from teamslam.frontend.velocity import VelocityNoise, integrate
-from teamslam.geometry import Array, BoolArray, IntArray, Pose, concatenate
-from teamslam.io.files.delimited import Columns, read_columns
+from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.io.files.options import options_of
+from teamslam.io.logs.mrclam_files import (
+    ROBOTS,
+    TICKS_PER_S,
+    Ledger,
+    Odometry,
+    Sightings,
+    read_barcodes,
+    read_landmark_truth,
+    read_odometry,
+    read_robot_truth,
+    read_sightings,
+    within_odometry,
+)
 from teamslam.model import (
     Dataset,
-    Dropped,
     Kind,
     Loss,
     Names,
@@ -63,14 +64,7 @@ from teamslam.model import (
     whitening,
 )
 
-ROBOTS = range(1, 6)
-TICKS_PER_S = 1_000_000
 TRUTH_GAP = TICKS_PER_S // 5  # motion capture runs at about 100 Hz; across longer holes there is no truth
-BARCODE = ("subject", "barcode")
-ODOMETRY = ("time", "forward velocity", "angular velocity")
-MEASUREMENT = ("time", "barcode", "range", "bearing")
-TRUTH = ("time", "x", "y", "orientation")
-LANDMARK = ("subject", "x", "y", "x std-dev", "y std-dev")
 
 
 @dataclass(frozen=True)
@@ -124,47 +118,6 @@ class Options:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Odometry:
-    """A robot's commands at rising ticks."""
-
-    ticks: IntArray  # (n,)
-    velocities: Array  # (n, 2)
-
-    def covers(self, ticks: IntArray) -> BoolArray:
-        return np.asarray((ticks >= self.ticks[0]) & (ticks <= self.ticks[-1]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Sightings:
-    """What a robot saw: `ids` are the rows of its measurement file, `subjects` who was seen."""
-
-    ids: IntArray
-    ticks: IntArray
-    subjects: IntArray
-    range_bearing: Array  # (n, 2)
-
-    def select(self, mask: BoolArray) -> "_Sightings":
-        return _Sightings(self.ids[mask], self.ticks[mask], self.subjects[mask], self.range_bearing[mask])
-
-
-class _Ledger:
-    """Counts what is left out, by reason."""
-
-    def __init__(self) -> None:
-        self._counts: dict[str, int] = {}
-
-    def keep(self, good: BoolArray, reason: str) -> BoolArray:
-        """The mask itself, after counting the rows that it leaves out."""
-        if lost := int(np.count_nonzero(~good)):
-            self._counts[reason] = self._counts.get(reason, 0) + lost
-        return good
-
-    @property
-    def dropped(self) -> tuple[Dropped, ...]:
-        return tuple(Dropped(count, reason) for reason, count in self._counts.items())
-
-
 def sniff(path: Path) -> bool:
     """True for a folder with MRCLAM's barcodes and odometry."""
     return (path / "Barcodes.dat").is_file() and any((path / f"Robot{n}_Odometry.dat").is_file() for n in ROBOTS)
@@ -178,9 +131,9 @@ def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
     """
     chosen = options_of(Options, options, reader="mrclam")
     path = Path(path)
-    ledger = _Ledger()
-    subjects = _read_barcodes(path / "Barcodes.dat")
-    odometry = _read_team(path, chosen.odometry_lag_s, ledger)
+    ledger = Ledger()
+    subjects = read_barcodes(path / "Barcodes.dat")
+    odometry = read_odometry(path, chosen.odometry_lag_s, ledger)
     sightings = {robot: _sightings(robot, path, subjects, odometry, chosen, ledger) for robot in odometry}
     keyframes = _keyframes(odometry, sightings, chosen.merge_s)
     tables = [
@@ -190,58 +143,17 @@ def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
     return _with_truth(dataset, path)
 
 
-# --- the files ----------------------------------------------------------------------------------------------------
-
-
-def _read_barcodes(path: Path) -> dict[int, int]:
-    """The subject of each barcode."""
-    found = read_columns(path, BARCODE)
-    subjects, barcodes = _whole(found, 0, path, BARCODE), _whole(found, 1, path, BARCODE)
-    if not len(subjects):
-        raise InputError("no barcodes; expected lines of subject and barcode", path=path)
-    for numbers, name in ((subjects, "subject"), (barcodes, "barcode")):
-        values, counts = np.unique(numbers, return_counts=True)
-        if (counts > 1).any():
-            twice = int(values[counts > 1][0])
-            line = int(found.lines[np.flatnonzero(numbers == twice)[1]])
-            raise InputError(f"{name} {twice} stands twice; each belongs to one line", path=path, line=line, field=name)
-    return dict(zip(barcodes.tolist(), subjects.tolist(), strict=True))
-
-
-def _read_team(path: Path, lag_s: float, ledger: _Ledger) -> dict[int, _Odometry]:
-    """The odometry of every robot whose file is there, at the times when commands take effect."""
-    team = {}
-    for robot in ROBOTS:
-        file = path / f"Robot{robot}_Odometry.dat"
-        if not file.is_file():
-            continue
-        found = read_columns(file, ODOMETRY)
-        ticks = _ticks(found, file)
-        good = ledger.keep(*_never_back(ticks, f"robot {robot}: odometry stamps that step back in time"))
-        ticks, velocities = ticks[good], found.values[good, 1:]
-        # Of several commands at one stamp only the last one lasts.
-        lasts = ledger.keep(
-            np.append(np.diff(ticks) > 0, True)[: len(ticks)], f"robot {robot}: repeated odometry stamps"
-        )
-        if np.count_nonzero(lasts) < 2:
-            raise InputError("expected at least two lines of odometry at different times", path=file)
-        team[robot] = _Odometry(ticks[lasts] + round(lag_s * TICKS_PER_S), velocities[lasts])
-    if not team:
-        raise InputError("no RobotN_Odometry.dat here (N from 1 to 5); expected the folder of an MRCLAM set", path=path)
-    return team
-
-
 def _sightings(
     robot: int,
     path: Path,
     subjects: Mapping[int, int],
-    odometry: Mapping[int, _Odometry],
+    odometry: Mapping[int, Odometry],
     options: Options,
-    ledger: _Ledger,
-) -> _Sightings:
+    ledger: Ledger,
+) -> Sightings:
     """What a robot saw that has a pose to hang on, in the images that are used."""
-    seen = _read_sightings(robot, path / f"Robot{robot}_Measurement.dat", subjects, options.delay_s, ledger)
-    seen = _within_odometry(robot, seen, odometry, ledger)
+    seen = read_sightings(robot, path / f"Robot{robot}_Measurement.dat", subjects, options.delay_s, ledger)
+    seen = within_odometry(robot, seen, odometry, ledger)
     images = merge(seen.ticks, round(options.merge_s * TICKS_PER_S))
     used = merge(images, max(round(options.image_every_s * TICKS_PER_S) - 1, 0))
     in_use = np.isin(keyframe_of(images, seen.ticks), used)
@@ -249,72 +161,11 @@ def _sightings(
     return seen.select(ledger.keep(in_use, reason))
 
 
-def _read_sightings(robot: int, path: Path, subjects: Mapping[int, int], delay_s: float, ledger: _Ledger) -> _Sightings:
-    """The sightings of known barcodes, at the time the image was taken."""
-    found = read_columns(path, MEASUREMENT)
-    barcodes = _whole(found, 1, path, MEASUREMENT)
-    seen = np.array([subjects.get(code, -1) for code in barcodes.tolist()], np.int64)
-    ticks = _ticks(found, path)
-    all_rows = _Sightings(np.arange(len(ticks)), ticks - round(delay_s * TICKS_PER_S), seen, found.values[:, 2:])
-    known = all_rows.select(ledger.keep(seen >= 0, f"robot {robot}: sightings of unknown barcodes (misreads)"))
-    ahead = known.select(
-        ledger.keep(*_never_back(known.ticks, f"robot {robot}: sightings whose stamps step back in time"))
-    )
-    return ahead.select(
-        ledger.keep(ahead.range_bearing[:, 0] > 0.0, f"robot {robot}: sightings at a range of 0 or less")
-    )
-
-
-def _within_odometry(robot: int, seen: _Sightings, odometry: Mapping[int, _Odometry], ledger: _Ledger) -> _Sightings:
-    """The sightings at which the observer, and the robot seen, have odometry: a pose to hang the sighting on."""
-    seen = seen.select(
-        ledger.keep(odometry[robot].covers(seen.ticks), f"robot {robot}: sightings outside its odometry")
-    )
-    seen = seen.select(ledger.keep(seen.subjects != robot, f"robot {robot}: sightings of itself"))
-    for other in ROBOTS:
-        of_other = seen.subjects == other
-        if other not in odometry:
-            good, reason = ~of_other, f"robot {robot}: sightings of robot {other}, whose odometry file is absent"
-        else:
-            good = ~of_other | odometry[other].covers(seen.ticks)
-            reason = f"robot {robot}: sightings of robot {other} outside its odometry"
-        seen = seen.select(ledger.keep(good, reason))
-    return seen
-
-
-def _whole(found: Columns, column: int, path: Path, names: tuple[str, ...]) -> IntArray:
-    numbers = found.values[:, column]
-    bad = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > 2**31) | (numbers < 0))
-    if len(bad):
-        raise InputError(
-            f"expected a whole number of 0 or more, found {numbers[bad[0]]:g}",
-            path=path, line=int(found.lines[bad[0]]), field=names[column],
-        )  # fmt: skip
-    return numbers.astype(np.int64)
-
-
-def _ticks(found: Columns, path: Path) -> IntArray:
-    """Stamps as microseconds."""
-    seconds = found.values[:, 0]
-    bad = np.flatnonzero((seconds < 0.0) | (seconds > 2.2e9))
-    if len(bad):
-        raise InputError(
-            f"expected a time in seconds from 0 to 2.2e9 (year 2039), found {seconds[bad[0]]:g}",
-            path=path, line=int(found.lines[bad[0]]), field="time",
-        )  # fmt: skip
-    return np.round(seconds * TICKS_PER_S).astype(np.int64)
-
-
-def _never_back(ticks: IntArray, reason: str) -> tuple[BoolArray, str]:
-    """Which stamps are not before an earlier row's, so that a clock that steps back tells no time twice; the reason."""
-    return np.asarray(ticks >= np.maximum.accumulate(ticks)) if len(ticks) else np.zeros(0, bool), reason
-
-
 # --- the tables ---------------------------------------------------------------------------------------------------
 
 
 def _keyframes(
-    odometry: Mapping[int, _Odometry], sightings: Mapping[int, _Sightings], merge_s: float
+    odometry: Mapping[int, Odometry], sightings: Mapping[int, Sightings], merge_s: float
 ) -> dict[int, IntArray]:
     """Where each robot needs a pose: when it saw something, and when it was seen."""
     return {
@@ -327,7 +178,7 @@ def _keyframes(
 
 
 def _tables(
-    robot: int, odometry: _Odometry, seen: _Sightings, keyframes: Mapping[int, IntArray], options: Options
+    robot: int, odometry: Odometry, seen: Sightings, keyframes: Mapping[int, IntArray], options: Options
 ) -> list[Table]:
     """Odometry and sightings of one robot."""
     ticks = keyframes[robot]
@@ -376,19 +227,15 @@ def _with_truth(dataset: Dataset, path: Path) -> Dataset:
 
 def _robot_truth(path: Path, keys: IntArray) -> tuple[IntArray, Pose]:
     """The keyframes of a robot that motion capture saw, and its poses there."""
-    if not path.is_file():
-        return keys[:0], Pose.identity(2, (0,))
-    found = read_columns(path, TRUTH)
-    stamps, first = np.unique(_ticks(found, path), return_index=True)
-    poses, good = interpolate(stamps, Pose.from_xytheta(found.values[first, 1:]), index_of(keys), TRUTH_GAP)
+    stamps, seen = read_robot_truth(path)
+    if not len(stamps):
+        return keys[:0], seen
+    poses, good = interpolate(stamps, seen, index_of(keys), TRUTH_GAP)
     return keys[good], poses[np.flatnonzero(good)]
 
 
 def _landmark_truth(path: Path, keys: IntArray) -> tuple[IntArray, Array]:
     """The landmarks among `keys` that were surveyed, and where they are."""
-    if not path.is_file():
-        return keys[:0], np.zeros((0, 2))
-    found = read_columns(path, LANDMARK)
-    surveyed, first = np.unique(landmark_key(_whole(found, 0, path, LANDMARK)), return_index=True)
-    known = np.isin(surveyed, keys)
-    return surveyed[known], found.values[first[known], 1:3]
+    subjects, places = read_landmark_truth(path)
+    known = np.isin(landmark_key(subjects), keys)
+    return landmark_key(subjects[known]), places[known]
