@@ -44,3 +44,8 @@ class SolveError(TeamslamError):
 
 class MissingExtraError(TeamslamError):
     """An optional package is needed and absent; the message names the extra that brings it."""
+
+
+def in_words(name: str) -> str:
+    """A name within a sentence: one line, in which what cannot be printed shows its code."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in name)

@@ -4,6 +4,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from teamslam.errors import in_words
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -42,9 +44,7 @@ def _raise() -> None:
 
 def printable(text: str) -> str:
     """Words for a terminal: what would move its cursor or colour it shows its code; line breaks stay."""
-    return "".join(
-        c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
-    )
+    return "\n".join(map(in_words, text.split("\n")))
 
 
 def say(text: str) -> None:
@@ -71,7 +71,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, 
     for place, column in enumerate(columns):
         grid.add_column(Text(column), justify="left" if place < left else "right")
     for row in rows:
-        grid.add_row(*(Text(printable(cell)) for cell in row))
+        grid.add_row(*(Text(in_words(cell)) for cell in row))
     stdout().print(grid)
 
 
@@ -86,7 +86,7 @@ def pairs(title: str, rows: Sequence[tuple[str, str]]) -> None:
     column = max((len(name) for name, _ in rows), default=0) + 4
     room = max(console.width - column, 20) if console.is_terminal else 10_000
     for name, value in rows:
-        first, *more = wrap(printable(value), room) or [""]
+        first, *more = wrap(in_words(value), room) or [""]
         console.print(Text(f"  {name}".ljust(column), style="dim") + Text(first), soft_wrap=True)
         for line in more:
             console.print(" " * column + line, soft_wrap=True)

@@ -30,6 +30,7 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     from teamslam.cli.codes import DONE, PARTLY
     from teamslam.cli.console import pairs, say, table
     from teamslam.cli.words import counted
+    from teamslam.errors import in_words
     from teamslam.inspection import inspect
     from teamslam.io import read
 
@@ -62,7 +63,7 @@ def info(input: Path, /, *, format: str | None = None) -> int:
         ]
         table("What connects the robots", ["pair", "common landmarks", "sightings", "enough"], links)
     for hint in found.hints:
-        say(f"! {hint}")
+        say(in_words(f"! {hint}"))
     if len(found.groups) > 1:
         say(f"{len(found.groups)} groups of robots, as far as counting tells: expect as many maps")
     return DONE if len(found.groups) <= 1 else PARTLY

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from teamslam.errors import in_words
 from teamslam.geometry import Pose
 from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
@@ -113,7 +114,7 @@ def _marginal(found: MarginalNees | None) -> dict[str, Any] | None:
 
 
 def _lines(report: Report) -> Iterator[str]:
-    yield f"map {report.map}"
+    yield f"map {in_words(report.map)}"
     if report.note:
         yield f"  {report.note}"
     if (scored := report.accuracy) is not None:
@@ -126,11 +127,11 @@ def _lines(report: Report) -> Iterator[str]:
         yield f"  {'robot':<12} {'poses':>7} {'RMSE m':>9} {'RMSE rad':>9} {'ATE m':>9} {'RPE m':>9} {'RPE rad':>9}"
         for r in scored.robots:
             numbers = (r.position_rmse_m, r.turn_rmse_rad, r.ate_rmse_m, r.rpe_rmse_m, r.rpe_rmse_rad)
-            yield f"  {r.robot:<12} {r.poses:>7} " + " ".join(f"{_number(x):>9}" for x in numbers)
+            yield f"  {in_words(r.robot):<12} {r.poses:>7} " + " ".join(f"{_number(x):>9}" for x in numbers)
         for p in scored.pairs:
             yield (
-                f"  robot {p.robots[1]} seen from {p.robots[0]}: RMSE {_number(p.position_rmse_m)} m, "
-                f"{_number(p.turn_rmse_rad)} rad"
+                f"  robot {in_words(p.robots[1])} seen from {in_words(p.robots[0])}: RMSE "
+                f"{_number(p.position_rmse_m)} m, {_number(p.turn_rmse_rad)} rad"
             )
     if (honest := report.consistency) is not None:
         yield f"  consistency, frame: {FRAMES[honest.frame]}"

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from teamslam.errors import ModelError
+from teamslam.errors import ModelError, in_words
 from teamslam.geometry import AnyArray, BoolArray, IntArray
 
 INDEX_BITS = 51
@@ -107,9 +107,9 @@ class Names:
         if key == WORLD:
             return "the world frame"
         if not is_pose(key):
-            return f"landmark {self.landmark(int(index_of(key)))}"
+            return f"landmark {in_words(self.landmark(int(index_of(key))))}"
         when = f"pose {int(index_of(key))}" if self.counts else f"{int(index_of(key)) * self.tick_s:.3f} s"
-        return f"robot {self.robot(int(robot_of(key)))} at {when}"
+        return f"robot {in_words(self.robot(int(robot_of(key))))} at {when}"
 
     def merge(self, others: Iterable["Names"]) -> "Names":
         """The names of several logs together. Raises ModelError where they contradict each other."""

@@ -82,7 +82,7 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
         axes[0].set_ylim(*_limits([(track, track.axes[label]) for track in shown if label in track.axes]))
         first = next(column for column, track in enumerate(shown) if label in track.axes)
         axes[first].set_ylabel(label)
-    lines = (title or "Errors over time, with 3-sigma bands", caption, some)
+    lines = (title or "Errors along the way, with 3-sigma bands", caption, some)
     figure.suptitle(plain("\n".join(filter(None, lines)), 400), x=0.01, ha="left")
     return figure
 

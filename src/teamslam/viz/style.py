@@ -10,6 +10,8 @@ from contextlib import AbstractContextManager
 from functools import wraps
 from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeVar
 
+from teamslam.errors import in_words
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -100,7 +102,7 @@ def saved(figure: "Figure", file: BinaryIO, *, type: str = "png", dpi: float | N
 def plain(text: str, most: int = 120) -> str:
     """Words as matplotlib writes them: a dollar is a dollar and no formula, what cannot be printed shows its code, and
     what is too long loses its middle. Line breaks stay."""
-    shown = "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+    shown = "\n".join(map(in_words, text.split("\n")))
     if len(shown) > most:
         shown = f"{shown[: most // 2]}...{shown[-(most // 2) :]}"
     return shown.replace("$", r"\$")
@@ -108,4 +110,4 @@ def plain(text: str, most: int = 120) -> str:
 
 def name(text: str) -> str:
     """What people call a robot or a landmark, in one line of a label."""
-    return plain(text.replace("\n", r"\n"), most=30)
+    return plain(in_words(text), most=30)
