@@ -66,8 +66,10 @@ class JoinOptions:
     def __post_init__(self) -> None:
         if self.order not in ORDERS:
             raise InputError(f"unknown order of joining '{self.order}'; choose one of {', '.join(ORDERS)}")
-        if not 0.0 < self.gap < math.inf or self.max_rounds < 1:
-            raise InputError(f"gap is above 0 and max_rounds at least 1, found {self.gap} and {self.max_rounds}")
+        if not 0.0 < self.gap < math.inf:
+            raise InputError(f"gap is above 0 and finite, a share of the cost; found {self.gap}")
+        if self.max_rounds < 1:
+            raise InputError(f"max_rounds is at least 1, found {self.max_rounds}")
         if self.exact and self.order != "at once":
             raise InputError(f"an exact join takes all at once; leave out exact, or the order '{self.order}'")
 

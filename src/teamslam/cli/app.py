@@ -50,7 +50,8 @@ def called(arguments: Sequence[str] | None) -> int:
         command, bound, _ = app.parse_args(arguments, console=screen(), exit_on_error=False, print_error=False)
         return command(*bound.args, **bound.kwargs) or DONE
     except CycloptsError as error:
-        complain(f"{str(error).strip()} See: teamslam {' '.join([*(error.command_chain or ()), '--help'])}")
+        said = str(error).strip().removesuffix(".")
+        complain(f"{said}. See: teamslam {' '.join([*(error.command_chain or ()), '--help'])}")
         return BAD_INPUT
     except SolveError as error:
         complain(str(error))

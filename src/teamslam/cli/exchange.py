@@ -92,16 +92,16 @@ def exchange(
         ).as_limit()
     )
     pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)
+    if len({piece.tables[0].robot for piece in pieces}) < 2:
+        say(f"{log}: one robot, nothing to exchange")
+        return 0
     team = []
     with progress_bar() as progress:
         for number, piece in enumerate(pieces, 1):
             team.append((piece, build(piece)))
             progress("building submaps", number, len(pieces))
     found, names = plan(team, precision, topology=topology, landmarks=landmarks), pieces[0].names
-    if found.links:
-        table(f"{log}: bytes on each link", *_costs(found, names), left=1)
-    else:
-        say(f"{log}: one robot, nothing to exchange")
+    table(f"{log}: bytes on each link", *_costs(found, names))
     worst = [offer.pick.rounding for offer in found.offers]
     if to_the_bit:
         say("to the bit: nothing is rounded")

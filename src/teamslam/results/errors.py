@@ -29,12 +29,12 @@ class Tracks:
 
 def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> Tracks:
     """The errors of all robots along their ways; no track where nothing can be compared."""
-    true, frame = truth_at_base(submap, truth), f"errors in the frame of {submap.names.describe(submap.base)}"
+    true, frame = truth_at_base(submap, truth), f"in the frame of {submap.names.describe(submap.base)}"
     if submap.base == WORLD:
-        frame = "errors in the world frame, without any alignment"
+        frame = "in the world frame, without any alignment"
     if true is None:
         true = truth_by_team(submap, truth)
-        frame = f"errors after one alignment of the team: no truth of {submap.names.describe(submap.base)}, the frame"
+        frame = f"after one alignment of the team: no truth of {submap.names.describe(submap.base)}"
     firsts = [submap.names.stamps_s(submap.trajectory_keys(r)[0]) for r in submap.robots_in_it]
     start_s = float(min(firsts, default=np.float64(0.0)))
     tracks = (_track(submap, true, covariances, robot, start_s) for robot in submap.robots_in_it)

@@ -18,6 +18,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import BoolArray, Pose
 from teamslam.model import Dataset, Table, robot_of
+from teamslam.model.keys import MAX_INDEX
 from teamslam.sim.motion import drive
 from teamslam.sim.scenario import Robot, observe
 from teamslam.sim.sense import Odometry, Sensor
@@ -51,10 +52,10 @@ class PaperOptions:
             raise InputError(
                 f"unknown scenario '{self.scenario}'; choose one of {', '.join(SCENARIOS)}", field="scenario"
             )
-        if self.poses < 2:
-            raise InputError(f"a robot needs at least 2 poses, found {self.poses}", field="poses")
+        if not 2 <= self.poses <= MAX_INDEX:
+            raise InputError(f"a robot can have 2 to {MAX_INDEX:,} poses, found {self.poses:,}", field="poses")
         for name in ("sigma_observation", "sigma_odometry"):
-            if not getattr(self, name) > 0.0:
+            if not 0.0 < getattr(self, name) < np.inf:
                 raise InputError(f"a standard deviation is above zero, found {getattr(self, name)}", field=name)
 
 

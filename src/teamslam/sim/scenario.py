@@ -14,6 +14,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray, Pose, concatenate
 from teamslam.model import Dataset, Kind, Layout, Names, Table, Values, point_kind, pose_kind
+from teamslam.model.keys import MAX_INDEX, MAX_ROBOT
 from teamslam.sim.motion import PATHS, Arena
 from teamslam.sim.sense import Odometry, Sensor, measure_steps, measure_targets
 from teamslam.sim.view import landmarks_in_view, robot_in_view
@@ -68,11 +69,11 @@ class Options:
             raise InputError(f"unknown space '{self.space}'; choose one of {', '.join(SPACES)}", field="space")
         if self.path not in PATHS:
             raise InputError(f"unknown path '{self.path}'; choose one of {', '.join(PATHS)}", field="path")
-        for name, least in (("robots", 1), ("poses", 2), ("landmarks", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"at least {least} are needed, found {getattr(self, name)}", field=name)
+        for name, least, most in (("robots", 1, MAX_ROBOT), ("poses", 2, MAX_INDEX), ("landmarks", 0, MAX_INDEX)):
+            if not least <= getattr(self, name) <= most:
+                raise InputError(f"{least} to {most:,} can be, found {getattr(self, name):,}", field=name)
         for name in ("step_m", "period_s", "height_m", "side_m"):
-            if (found := getattr(self, name)) is not None and not found > 0.0:
+            if (found := getattr(self, name)) is not None and not 0.0 < found < np.inf:
                 raise InputError(f"a number above zero is needed, found {found}", field=name)
         if self.period_s < 1e-6:
             raise InputError(f"stamps are whole microseconds, found a period of {self.period_s} s", field="period_s")

@@ -22,8 +22,8 @@ class Odometry:
     sigma_rad: float = 0.01
 
     def __post_init__(self) -> None:
-        _check(self.sigma_m > 0.0, "sigma_m", "a standard deviation is above zero", self.sigma_m)
-        _check(self.sigma_rad > 0.0, "sigma_rad", "a standard deviation is above zero", self.sigma_rad)
+        _check(0.0 < self.sigma_m < np.inf, "sigma_m", "a standard deviation is above zero", self.sigma_m)
+        _check(0.0 < self.sigma_rad < np.inf, "sigma_rad", "a standard deviation is above zero", self.sigma_rad)
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,13 @@ class Sensor:
         names = [name for name, row in MODELS.items() if not row.unary]
         _check(self.model in names, "model", f"a sensor is one of {', '.join(names)}", self.model)
         for name in ("sigma_m", "sigma_rad", "range_m"):
-            _check(getattr(self, name) > 0.0, name, "a number above zero is needed", getattr(self, name))
-        _check(all(s > 0.0 for s in self.sigmas or ()), "sigmas", "standard deviations are above zero", self.sigmas)
+            _check(0.0 < getattr(self, name) < np.inf, name, "a number above zero is needed", getattr(self, name))
+        _check(
+            all(0.0 < s < np.inf for s in self.sigmas or ()),
+            "sigmas",
+            "standard deviations are above zero",
+            self.sigmas,
+        )
         _check(0.0 < self.field_of_view_deg <= 360.0, "field_of_view_deg", "at most 360", self.field_of_view_deg)
         _check(self.every >= 1, "every", "1 for each pose, 2 for every other, ...", self.every)
         for name in ("dropouts", "outliers"):

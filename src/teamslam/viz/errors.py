@@ -64,6 +64,7 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
 
     shown, some = _shown(tracks)
     rows = list(dict.fromkeys(label for track in shown for label in track.axes))
+    above = plain("\n".join(filter(None, (caption, some))), 400).split("\n") if caption or some else []
     size = (min(1.6 + 2.3 * len(shown), 14.0), 1.1 + 1.35 * len(rows))
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(len(rows), len(shown), sharex="col", sharey="row", squeeze=False)
@@ -74,7 +75,9 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
             else:
                 axes.set_axis_off()
         inside = float(np.mean(np.abs(track.error) <= 3.0 * track.sigma))
-        grid[0, column].set_title(f"robot {name(track.robot)}: {inside:.1%} within", fontsize=8.5)
+        lines = [*(above if column == 0 else [""] * len(above)), f"robot {name(track.robot)}: {inside:.1%} within"]
+        small = 8.5 if len(shown) < 6 else 6.5
+        grid[0, column].set_title("\n".join(lines), fontsize=small, fontweight="normal", color=INK)
         last = grid[max(rows.index(label) for label in track.axes), column]
         last.set_xlabel(time)
         last.tick_params(labelbottom=True)
@@ -82,8 +85,7 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
         axes[0].set_ylim(*_limits([(track, track.axes[label]) for track in shown if label in track.axes]))
         first = next(column for column, track in enumerate(shown) if label in track.axes)
         axes[first].set_ylabel(label)
-    lines = (title or "Errors along the way, with 3-sigma bands", caption, some)
-    figure.suptitle(plain("\n".join(filter(None, lines)), 400), x=0.01, ha="left")
+    figure.suptitle(plain(title or "Errors along the way, with 3-sigma bands"), x=0.01, ha="left")
     return figure
 
 

@@ -16,9 +16,12 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray
+from teamslam.model import WORLD
 from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
 from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, name, plain, robot_colour, styled
+
+MOST_NAMED = 12  # robots in a legend: more would not fit beside the map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,6 +111,8 @@ def plan_axes(axes: "Axes", scene: Scene) -> None:
 
 def frame_name(scene: Scene) -> str:
     """Whose frame a map is written in, in words."""
+    if scene.map.base == WORLD:
+        return "in the world frame"
     return f"in the frame of {scene.map.names.describe(scene.map.base)}"
 
 
@@ -115,10 +120,15 @@ def frame_name(scene: Scene) -> str:
 
 
 def legend_entries(axes: Any) -> tuple[list[Any], list[str]]:
-    """Legend entries, the robots first."""
-    handles, labels = axes.get_legend_handles_labels()
-    order = sorted(range(len(labels)), key=lambda i: not labels[i].startswith("robot "))
-    return [handles[i] for i in order], [labels[i] for i in order]
+    """Legend entries, the robots first; of many robots some, and how many more there are."""
+    entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
+    robots = [entry for entry in entries if entry[1].startswith("robot ")]
+    if len(robots) > MOST_NAMED:
+        more = len(robots) - MOST_NAMED
+        robots = [*robots[:MOST_NAMED], (robots[-1][0], f"... and {more} more robots")]
+    rest = [entry for entry in entries if not entry[1].startswith("robot ")]
+    handles, labels = zip(*robots, *rest, strict=True)
+    return list(handles), list(labels)
 
 
 # --- parts of a plan ------------------------------------------------------------------------------------------------
