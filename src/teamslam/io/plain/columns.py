@@ -12,12 +12,14 @@ Angles in radians, anticlockwise; azimuth from x towards y, elevation from the x
 noise are called by the columns; those of a rotation in space rx, ry, rz (about the measured body's axes).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.io.files.csv_file import Csv
-from teamslam.model import MODELS, Kind, Table, pack, whitening
+from teamslam.model import MODELS, Kind, Table, pack, whitening, whitening_of_information
 from teamslam.model.sensors import pose_of
 
 POSE = {2: ("x", "y", "theta"), 3: ("x", "y", "z", "qw", "qx", "qy", "qz")}
@@ -46,6 +48,16 @@ def sigma_columns(names: tuple[str, ...]) -> tuple[str, ...]:
 def covariance_columns(names: tuple[str, ...]) -> tuple[str, ...]:
     """The columns of a full covariance: its upper triangle, row by row."""
     return tuple(f"cov_{a}_{b}" for k, a in enumerate(names) for b in names[k:])
+
+
+def information_columns(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns of full information, which may be zero in some directions: its upper triangle, row by row."""
+    return tuple(f"inf_{a}_{b}" for k, a in enumerate(names) for b in names[k:])
+
+
+def noise_columns(names: tuple[str, ...]) -> tuple[str, ...]:
+    """All columns that may say how well a row is known."""
+    return (*sigma_columns(names), *covariance_columns(names), *information_columns(names))
 
 
 def dim_of(csv: Csv, model: str, stated: int | None, default: int) -> int:
@@ -130,13 +142,15 @@ def read_noise(
 
     InputError for noise that is missing, of the wrong length, not symmetric or not positive definite: with the line.
     """
-    if csv.has(*covariance_columns(names)):
-        rows = csv.numbers(*covariance_columns(names))
-        full = np.zeros((len(csv), len(names), len(names)))
-        above = np.triu_indices(len(names))
-        full[:, above[0], above[1]] = rows
-        full[:, above[1], above[0]] = rows
-        return _whitened(csv, full)
+    for columns, whiten in (
+        (covariance_columns(names), whitening),
+        (information_columns(names), whitening_of_information),
+    ):
+        if csv.has(*columns):
+            full = np.zeros((len(csv), len(names), len(names)))
+            above = np.triu_indices(len(names))
+            full[:, above[0], above[1]] = full[:, above[1], above[0]] = csv.numbers(*columns)
+            return _whitened(csv, full, whiten)
     if csv.has(*sigma_columns(names)):
         sigmas = csv.numbers(*sigma_columns(names))
         bad = np.argwhere(sigmas <= 0.0)
@@ -148,9 +162,10 @@ def read_noise(
                 sigma_columns(names)[column],
             )
         return np.asarray(np.eye(len(names)) / sigmas[:, None, :])
-    begun = [name for name in (*sigma_columns(names), *covariance_columns(names)) if csv.has(name)]
+    begun = [name for name in noise_columns(names) if csv.has(name)]
     if begun:
-        needed = sigma_columns(names) if begun[0].startswith("sigma") else covariance_columns(names)
+        families = (sigma_columns(names), covariance_columns(names), information_columns(names))
+        needed = next(family for family in families if begun[0] in family)
         missing = next(name for name in needed if not csv.has(name))
         raise InputError(f"there is '{begun[0]}' but no such column", path=csv.path, line=1, field=missing)
     stated = np.diag(np.square(sigma)) if sigma is not None else covariance
@@ -174,20 +189,23 @@ def read_noise(
         ) from None
 
 
-def _whitened(csv: Csv, covariances: Array) -> Array:
+def _whitened(csv: Csv, matrices: Array, whiten: Callable[[Array], Array]) -> Array:
     try:
-        return whitening(covariances)
+        return whiten(matrices)
     except ModelError:
-        for row, covariance in enumerate(covariances):
+        for row, matrix in enumerate(matrices):
             try:
-                whitening(covariance[None])
+                whiten(matrix[None])
             except ModelError as error:
                 raise csv.fail(row, _without_index(error)) from None
         raise
 
 
 def _without_index(error: ModelError) -> str:
-    return f"the {str(error).replace('covariance 0', 'covariance', 1)}"
+    said = str(error)
+    for noun in ("covariance", "information"):
+        said = said.replace(f"{noun} 0 ", f"{noun} ", 1)
+    return f"the {said}"
 
 
 def covariance_of(whitening: Array) -> Array:

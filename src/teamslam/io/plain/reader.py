@@ -17,6 +17,8 @@ from teamslam.io.plain.columns import (
     components,
     covariance_columns,
     dim_of,
+    information_columns,
+    noise_columns,
     read_noise,
     read_poses,
     read_values,
@@ -103,7 +105,7 @@ def _read_tables(csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tup
     planar = all(dim == 2 for dim in roster.dims.values())
     dim = dim_of(csv, log.model, log.dim, 2 if planar else 3)
     noise = components(log.model, dim)
-    csv.refuse_others([*KEY_COLUMNS, *value_columns(log.model, dim), *sigma_columns(noise), *covariance_columns(noise)])
+    csv.refuse_others([*KEY_COLUMNS, *value_columns(log.model, dim), *noise_columns(noise)])
     robots = _robots(csv, log, roster)
     keys, source = _keys(csv, log, team, roster, robots)
     values = read_values(csv, log.model, dim)
@@ -276,7 +278,8 @@ def _ids(csv: Csv, given: Array, rows: IntArray) -> IntArray:
 
 
 def _has_own_noise(csv: Csv, names: tuple[str, ...]) -> bool:
-    return csv.has(*sigma_columns(names)) or csv.has(*covariance_columns(names))
+    families = (sigma_columns(names), covariance_columns(names), information_columns(names))
+    return any(csv.has(*family) for family in families)
 
 
 # --- sensors ------------------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from teamslam.io.plain.columns import (
     components,
     covariance_columns,
     covariance_of,
+    information_columns,
     upper,
     value_columns,
     write_poses,
@@ -95,12 +96,7 @@ def _log(table: Table, names: Names, files: dict[str, str], taken: dict[tuple[in
     log: dict[str, Any] = {"file": file, "model": table.model, "source": table.source, "robot": robot, "dim": table.dim}
     columns = _key_columns(table, names)
     columns |= dict(zip(value_columns(table.model, table.dim), _text(write_values(table)), strict=True))
-    covariances = covariance_of(table.whitening)
-    if len(covariances) == 1:
-        log["covariance"] = covariances[0].tolist()
-    else:
-        noise = covariance_columns(components(table.model, table.dim))
-        columns |= dict(zip(noise, _text(upper(covariances)), strict=True))
+    columns |= _noise(table, log)
     first = taken.get((table.robot, table.source), 0)
     if not np.array_equal(table.ids, np.arange(first, first + len(table))):
         columns["id"] = [str(number) for number in table.ids.tolist()]
@@ -111,6 +107,20 @@ def _log(table: Table, names: Names, files: dict[str, str], taken: dict[tuple[in
         log |= {"loss": table.loss.name, "loss_scale": table.loss.scale}
     files[file] = _csv(columns)
     return log
+
+
+def _noise(table: Table, log: dict[str, Any]) -> dict[str, list[str]]:
+    """The columns of a table's noise, or its place in the [[log]]: information where some of it is open."""
+    names = components(table.model, table.dim)
+    if (table.ranks < len(names)).any():
+        rows = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
+        information = np.swapaxes(rows, -1, -2) @ rows
+        return dict(zip(information_columns(names), _text(upper(information)), strict=True))
+    covariances = covariance_of(table.whitening)
+    if len(covariances) == 1:
+        log["covariance"] = covariances[0].tolist()
+        return {}
+    return dict(zip(covariance_columns(names), _text(upper(covariances)), strict=True))
 
 
 def _key_columns(table: Table, names: Names) -> dict[str, list[str]]:
