@@ -29,6 +29,11 @@ settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("teamslam")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--stress-seed N`: other random logs for tests/stress than the ones it always takes."""
+    parser.addoption("--stress-seed", type=int, default=1_000_000, help="the first seed of tests/stress")
+
+
 @pytest.fixture(scope="session")
 def data() -> Callable[[str], Path]:
     """data("mrclam_6") is the unpacked data set's folder (or file); the test is skipped where it is absent."""

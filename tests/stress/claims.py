@@ -18,6 +18,7 @@ from teamslam.model import WORLD, Names, is_pose
 
 WEAK_TURN = 0.2  # [rad]: a heading that is held no better may be called open
 WEAK_PLACE = 0.2  # of the distance
+BEYOND = 4.5  # [sigmas]: no honest noise, of a few hundred numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +172,10 @@ def _converged(saying: Saying) -> bool:
     return True  # the map's own check
 
 
-def _never(saying: Saying) -> bool:
-    """Nobody's log should end so."""
-    return False
+def _nothing_fits(saying: Saying) -> bool:
+    """Some row is far from what it says it is, even at the truth."""
+    truth = saying.oracle.truth
+    return any(float(np.abs(t.whitened(truth)).max(initial=0.0)) > BEYOND for t in saying.oracle.tables)
 
 
 WHO = r"the submaps of robot (?P<robot>.+?) from (?P<base>.+?) on"
@@ -184,7 +186,10 @@ CLAIMS: dict[str, tuple[str, Check]] = {
         WHO + r" are tied to the map by (?P<count>\d+) ranges? .* leave (?P<open>\d+) dir",
         _can_turn,
     ),
-    "no frame fits the ranges": (WHO + r" are tied to the map by (?P<count>\d+) ranges? .* no frame fits", _never),
+    "no frame fits the ranges": (
+        WHO + r" are tied to the map by (?P<count>\d+) ranges? .* no frame fits",
+        _nothing_fits,
+    ),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other (?P<other>[^ ]+?)\. ", _costs),
     "not determined": (r"SolveError: (?P<what>.+) is not determined by", _not_determined),
     "the world is open": (r"the map's orientation in the world is not determined", _world_open),

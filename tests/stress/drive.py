@@ -1,5 +1,6 @@
 """DRIVES: a log through teamslam by one of its faces, to an outcome: a map with what was said, or a sentence alone."""
 
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +10,8 @@ import numpy as np
 import teamslam as ts
 from teamslam.config import Config, JoinOptions, SplitOptions
 from teamslam.joining import Component, Joined, exact_join
-from teamslam.model import Dataset
+from teamslam.model import Dataset, Dropped
+from teamslam.pipeline import Result
 
 FORMATS = ("plain", "g2o", "jrl", "pyfg")
 
@@ -21,7 +23,9 @@ class Outcome:
     log: Dataset
     method: str
     joined: Joined | None = None
+    result: Result | None = None  # of a whole run
     error: Exception | None = None
+    file: "File | None" = None  # the log was written and read before it was mapped
     written: Exception | None = None  # why a format could not hold the log; it was then mapped as it is
 
     @property
@@ -35,13 +39,24 @@ class Outcome:
         return self.method in ("full", "exact")
 
 
+@dataclass(frozen=True, eq=False)
+class File:
+    """A log that went through a file: as it was, and what the writer had no place for."""
+
+    before: Dataset
+    format: str
+    dropped: tuple[Dropped, ...]
+
+
 @dataclass(frozen=True)
 class Drive:
-    """One way to map a log: with which options, whether by the functions instead of `run`, by which file first."""
+    """One way to map a log: with which options, whether by the functions instead of `run`, by which file first, and
+    whether the command line does the same."""
 
     config: Config = field(default_factory=Config)
     by_functions: bool = False
     format: str = ""
+    by_command: bool = False
 
     @property
     def method(self) -> str:
@@ -63,6 +78,8 @@ DRIVES: dict[str, Drive] = {
     "functions": Drive(by_functions=True),
     "exact functions": Drive(EXACT, by_functions=True),
     **{name: Drive(format=name) for name in FORMATS},
+    "command": Drive(format="plain", by_command=True),
+    "exact command": Drive(EXACT, format="plain", by_command=True),
 }
 WEIGHTS = {"join": 4.0, "full": 4.0, "exact": 4.0, "pieces": 2.0, "plain": 2.0}
 
@@ -78,27 +95,33 @@ def go(log: Dataset, drive: Drive) -> Outcome:
     outcome = Outcome(log, drive.method)
     if drive.format:
         try:
-            outcome = replace(outcome, log=through_file(log, drive.format))
+            back, dropped = through_file(log, drive.format)
+            outcome = replace(outcome, log=back, file=File(log, drive.format, dropped))
         except Exception as error:
             outcome = replace(outcome, written=error)
     try:
-        mapped = _by_functions if drive.by_functions else _by_run
-        return replace(outcome, joined=mapped(outcome.log, drive.config))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return _mapped(outcome, drive)
     except Exception as error:
         return replace(outcome, error=error)
 
 
-def through_file(log: Dataset, format: str) -> Dataset:
-    """The log written in a format and read again; its truth is kept where the format does not hold it."""
+def _mapped(outcome: Outcome, drive: Drive) -> Outcome:
+    if drive.by_functions:
+        return replace(outcome, joined=_by_functions(outcome.log, drive.config))
+    result = ts.run(outcome.log, drive.config)
+    return replace(outcome, result=result, joined=result.joined)
+
+
+def through_file(log: Dataset, format: str) -> tuple[Dataset, tuple[Dropped, ...]]:
+    """The log written in a format and read again, and what was left out; its truth is kept where the format does not
+    hold it."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / ("log" if format == "plain" else f"log.{format}")
-        ts.write(log, path, format=format)
+        dropped = ts.write(log, path, format=format)
         back = ts.read(path, format=format)
-    return back if back.truth is not None else replace(back, truth=log.truth)
-
-
-def _by_run(log: Dataset, config: Config) -> Joined:
-    return ts.run(log, config).joined
+    return (back if back.truth is not None else replace(back, truth=log.truth)), dropped
 
 
 def _by_functions(log: Dataset, config: Config) -> Joined:

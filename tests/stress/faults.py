@@ -20,6 +20,7 @@ from teamslam.model import (
     point_kind,
     pose_key,
     robot_of,
+    whitening,
 )
 
 Fault = Callable[[Dataset, np.random.Generator], Dataset]
@@ -106,7 +107,7 @@ def _turned(table: Table, which: BoolArray, rng: np.random.Generator) -> Table:
     z = table.values[which]
     pose = Pose(z[:, dim:].reshape(-1, dim, dim), z[:, :dim])
     whitening = np.broadcast_to(table.whitening, (len(table), rows, rows))[which]
-    shift = np.linalg.solve(whitening, rng.standard_normal((len(z), rows, 1)))[..., 0]
+    shift = (np.linalg.pinv(whitening) @ rng.standard_normal((len(z), rows, 1)))[..., 0]
     values = table.values.copy()
     values[which] = pack(pose.retract(shift))
     return replace(table, values=values)
@@ -293,17 +294,32 @@ def _one_place(log: Dataset, rng: np.random.Generator) -> Dataset:
 
 
 def _covariances(table: Table) -> Array:
-    return np.linalg.inv(table.whitening.mT @ table.whitening)
+    return np.linalg.pinv(table.whitening.mT @ table.whitening)
 
 
 def _flat_sensor(log: Dataset, rng: np.random.Generator) -> Dataset:
     """Points in space are seen in the plane of the robot, by one sense and perhaps not by another."""
 
     def flat(table: Table) -> Table:
-        flat = table.values[:, :2], np.linalg.cholesky(np.linalg.inv(_covariances(table)[:, :2, :2])).mT
+        flat = table.values[:, :2], whitening(_covariances(table)[:, :2, :2])
         return replace(table, dim=2, values=flat[0], whitening=flat[1])
 
-    return _each(log, flat, lambda t: t.model == "point" and t.dim == 3 and t.sensor is None)
+    return _each(
+        log, flat, lambda t: t.model == "point" and t.dim == 3 and t.sensor is None and log.robots[t.robot] == 2
+    )
+
+
+def _zero_direction(log: Dataset, rng: np.random.Generator) -> Dataset:
+    """One table says nothing of one direction."""
+    number = int(rng.integers(len(log.tables))) if log.tables else 0
+
+    def blind(table: Table) -> Table:
+        rows = np.ones(table.whitening.shape[1])
+        if len(rows) > 1:
+            rows[rng.integers(len(rows))] = 0.0
+        return replace(table, whitening=rows[:, None] * table.whitening)
+
+    return replace(log, tables=tuple(blind(t) if n == number else t for n, t in enumerate(log.tables)))
 
 
 def _weak_row(log: Dataset, rng: np.random.Generator) -> Dataset:
@@ -335,4 +351,5 @@ FAULTS: dict[str, Fault] = {
     "one place": _one_place,
     "flat sensor": _flat_sensor,
     "weak sightings": _weak_row,
+    "zero direction": _zero_direction,
 }

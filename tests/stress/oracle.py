@@ -19,6 +19,17 @@ STEP = 1e-6
 OPEN = 1e-11  # of the largest: squares of singular values below are none. Differences are good to 1e-9
 
 
+def centred(tables: Sequence[Table], values: Values) -> tuple[list[Table], Values]:
+    """The same problem about the origin: differences far from it would only be rounding."""
+    if not len(values):
+        return list(tables), values
+    flat = bool((values.layout.kinds % 2 == 0).any())
+    far = values.positions(values.layout.keys, 3).mean(0) * ([1.0, 1.0, 0.0] if flat else 1.0)
+    dim = 2 if flat else 3
+    moved = [_moved(t, -far) if t.row.unary else t for t in tables]
+    return moved, values.transform(Pose(np.eye(dim), -far[:dim]))
+
+
 def _moved(table: Table, shift: Array) -> Table:
     values = table.values.copy()
     values[:, : table.dim] += shift[: table.dim]
@@ -114,24 +125,18 @@ class Oracle:
     log: Dataset
 
     @cached_property
-    def _centre(self) -> Array:
-        """Where the log is (3,): differences far from the origin would only be rounding."""
-        values = true_values(self.log)
-        places = values.positions(values.layout.keys, 3)
-        flat = bool((values.layout.kinds % 2 == 0).any())
-        return places.mean(0) * ([1.0, 1.0, 0.0] if flat else 1.0) if len(places) else np.zeros(3)
+    def _centred(self) -> tuple[list[Table], Values]:
+        return centred([t for t in self.log.tables if len(t)], true_values(self.log))
 
-    @cached_property
+    @property
     def tables(self) -> list[Table]:
         """All tables with a row, those of the world moved to where the log is."""
-        return [_moved(t, -self._centre) if t.row.unary else t for t in self.log.tables if len(t)]
+        return self._centred[0]
 
-    @cached_property
+    @property
     def truth(self) -> Values:
         """Of all variables that rows speak of, about the origin."""
-        far, values = self._centre, true_values(self.log)
-        dim = 2 if (values.layout.kinds % 2 == 0).any() else 3
-        return values.transform(Pose(np.eye(dim), -far[:dim]))
+        return self._centred[1]
 
     @cached_property
     def absolute(self) -> bool:

@@ -30,7 +30,8 @@ NOISES = {
 }
 OF_LANDMARKS = {"point": 0.25, "range_bearing": 0.25, "bearing": 0.2, "range": 0.15, "relative_pose": 0.15}
 OF_ROBOTS = {"relative_pose": 0.4, "range_bearing": 0.2, "range": 0.16, "point": 0.12, "bearing": 0.12}
-LOSSES = {"squared": 0.64, "huber": 0.12, "cauchy": 0.12, "geman_mcclure": 0.12}
+FORGIVE = 0.5  # of all logs: those in which some senses have a loss that does
+LOSSES = {"squared": 0.25, "huber": 0.25, "cauchy": 0.25, "geman_mcclure": 0.25}
 MEET = {"next": 0.3, "all": 0.3, "one": 0.1, "never": 0.15, "ranges": 0.15}
 WORLD = {"nothing": 0.78, "position": 0.08, "pose": 0.07, "landmarks": 0.07}
 
@@ -101,29 +102,31 @@ def draw(seed: int, *, middle: bool = False) -> Scenario:
         for _ in range(count)
     )
     meet, noise = _one(rng, MEET), _one(rng, {name: row[0] for name, row in NOISES.items()})
-    landmarks = _between(rng, _one(rng, LANDMARKS))
-    senses = [_sense(rng, noise, "odometry", "relative_pose")]
+    landmarks, forgives = _between(rng, _one(rng, LANDMARKS)), rng.random() < FORGIVE
+    senses = [_sense(rng, noise, forgives, "odometry", "relative_pose")]
     for _ in range(int(landmarks > 0) * (1 + (rng.random() < 0.25))):
-        senses.append(_sense(rng, noise, "landmarks", _one(rng, OF_LANDMARKS)))
+        senses.append(_sense(rng, noise, forgives, "landmarks", _one(rng, OF_LANDMARKS)))
     if count > 1 and meet != "never":
         for _ in range(1 + (rng.random() < 0.2)):
             model = "range" if meet == "ranges" else _one(rng, OF_ROBOTS)
-            senses.append(_sense(rng, noise, "robots", model))
+            senses.append(_sense(rng, noise, forgives, "robots", model))
     if rng.random() < 0.2:
-        senses.append(_sense(rng, noise, "loops", "relative_pose"))
+        senses.append(_sense(rng, noise, forgives, "loops", "relative_pose"))
     of_world = _one(rng, WORLD)
     if of_world in ("position", "pose"):
-        senses.append(_sense(rng, noise, "world", of_world))
+        senses.append(_sense(rng, noise, forgives, "world", of_world))
     elif of_world == "landmarks" and landmarks:
-        senses.append(_sense(rng, noise, "marks", "position"))
+        senses.append(_sense(rng, noise, forgives, "marks", "position"))
     faults = rng.choice(list(FAULTS), size=_one(rng, {0: 0.35, 1: 0.35, 2: 0.2, 3: 0.1}), replace=False)
+    if "utm" in faults and of_world == "nothing":
+        senses.append(_sense(rng, noise, forgives, "world", "position"))
     return Scenario(seed, space, robots, landmarks, meet, noise, tuple(senses), tuple(map(str, faults)))
 
 
-def _sense(rng: np.random.Generator, noise: str, of: str, model: str) -> Sense:
+def _sense(rng: np.random.Generator, noise: str, forgives: bool, of: str, model: str) -> Sense:
     _, lengths, angles = NOISES[noise]
     robust = 0.1 if of == "odometry" else 1.0
-    loss = _one(rng, LOSSES) if rng.random() < robust else "squared"
+    loss = _one(rng, LOSSES) if forgives and rng.random() < robust else "squared"
     return Sense(
         of,
         model,

@@ -4,10 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from stress.claims import check_sentences
+from stress.commands import check_command
 from stress.drive import DRIVES, Outcome, drive_of, go
 from stress.failure import Findings
+from stress.files import check_files, is_same
 from stress.maps import check_maps
 from stress.oracle import Oracle
+from stress.reports import check_reports
 from stress.scenario import Scenario, draw
 from stress.whole import check_whole
 from stress.world import chosen, log_of
@@ -38,9 +41,14 @@ def judge_log(scenario: Scenario, log: Dataset, drive: str) -> Verdict:
     """The verdict on a log of a scenario by a drive."""
     outcome, findings = go(log, DRIVES[drive]), Findings()
     oracle = Oracle(outcome.log)
+    fair = is_fair(scenario) and is_same(outcome)
+    check_files(outcome, findings)
     check_whole(outcome, findings)
     check_sentences(outcome, oracle, findings)
-    check_maps(outcome, findings, fair=is_fair(scenario))
+    check_maps(outcome, findings, fair=fair)
+    check_reports(outcome, findings, fair=fair)
+    if DRIVES[drive].by_command and outcome.written is None:
+        check_command(outcome, findings)
     return Verdict(scenario, drive, outcome, findings)
 
 

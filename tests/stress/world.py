@@ -80,8 +80,12 @@ def _truth(scenario: Scenario, rng: np.random.Generator) -> Values:
 
 def _way(robot: Robot, rng: np.random.Generator) -> Pose:
     dof = 3 if robot.dim == 2 else 6
-    first = np.concatenate([rng.uniform(-3.0, 3.0, robot.dim), rng.uniform(-1.8, 1.8, dof - robot.dim)])
-    poses = [Pose.from_tangent(first[None], robot.dim)]
+    place = rng.uniform(-3.0, 3.0, robot.dim) * (rng.random() < 0.9)  # some begin in one and the same place
+    turn = rng.uniform(-1.8, 1.8, dof - robot.dim)
+    if rng.random() < 0.2:  # and some along the axes: face to face, back to back, upside down
+        turn = np.zeros_like(turn)
+        turn[rng.integers(len(turn))] = 0.5 * np.pi * rng.integers(-1, 3)
+    poses = [Pose.from_tangent(np.concatenate([place, turn])[None], robot.dim)]
     for step in Pose.from_tangent(WAYS[robot.way](rng, robot.poses - 1, dof), robot.dim):
         poses.append(poses[-1] @ Pose(step.rotation[None], step.translation[None]))
     return concatenate(poses)

@@ -1,0 +1,154 @@
+"""Random logs of every kind through teamslam: one told in full, or a campaign of thousands counted.
+
+    python benchmarks/stress.py --seed 123                         what became of one log, by the drive drawn for it
+    python benchmarks/stress.py --seed 123 --drive full --shrink   ... and the smallest part of it that still fails so
+    python benchmarks/stress.py --seed 123 --rows "1/odometry:0-3 2/robots:0"             ... of some of its rows
+    python benchmarks/stress.py --count 5000 --json stress.json    a campaign: failures by kind, each with its seeds
+    python benchmarks/stress.py --middle --count 200               ... of logs of dozens to hundreds of poses
+    python benchmarks/stress.py --page PAGE.md small.json middle.json                     what campaigns counted
+
+What a log is made of, and what is checked of its outcome, is in tests/stress.
+"""
+
+import argparse
+import json
+import os
+import platform
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from types import FrameType
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import stress_page
+from stress.drive import DRIVES, drive_of
+from stress.failure import Failure
+from stress.scenario import draw
+from stress.verdict import Verdict, heard, judge, rows_in, smallest, told
+
+PATIENCE_S = 60  # a log that takes longer hangs
+
+
+@dataclass
+class Row:
+    """What became of one seed."""
+
+    seed: int
+    drive: str
+    space: str
+    noise: str
+    faults: tuple[str, ...]
+    ended: str
+    seconds: float
+    held: dict[str, int] = field(default_factory=dict)
+    failures: list[dict[str, str]] = field(default_factory=list)
+
+
+def row_of(seed: int, middle: bool, drive: str | None) -> Row:
+    """One log, driven and checked."""
+    scenario, name = draw(seed, middle=middle), drive or drive_of(seed)
+    began = time.perf_counter()
+    row = Row(seed, name, scenario.space, scenario.noise, scenario.faults, "", 0.0)
+    signal.signal(signal.SIGALRM, _hangs)
+    signal.alarm(PATIENCE_S)
+    try:
+        verdict = judge(seed, middle=middle, drive=name)
+        row.ended = ended(verdict)
+        row.held = dict(verdict.findings.held)
+        row.failures = [asdict(f) for f in verdict.findings.failures]
+    except Exception as error:
+        row.ended = "the check itself failed"
+        row.failures = [asdict(Failure(f"check: {type(error).__name__}", str(error)))]
+    finally:
+        signal.alarm(0)
+    row.seconds = time.perf_counter() - began
+    return row
+
+
+def _hangs(number: int, frame: FrameType | None) -> None:
+    raise TimeoutError(f"no end after {PATIENCE_S} s")
+
+
+def ended(verdict: Verdict) -> str:
+    """In a map, several maps, or a sentence."""
+    count = len(verdict.outcome.components)
+    return "one map" if count == 1 else "several maps" if count else "a sentence"
+
+
+def tell(verdict: Verdict) -> None:
+    """One log in full."""
+    outcome = verdict.outcome
+    print(verdict.scenario)
+    print(f"drive: {verdict.drive}; rows: {told(rows_in(outcome.log))}")
+    if outcome.error is not None:
+        print(f"error: {type(outcome.error).__name__}: {outcome.error}")
+    for component in outcome.components:
+        status = component.solution.status.value if component.solution else "One submap, nothing to join."
+        print(f"map {component.map.id}: {component.map.dof} unknowns, cost {component.map.cost:.6g}. {status}")
+    for sentence in outcome.joined.reasons if outcome.joined else ():
+        print(f"apart: {sentence}")
+    print(f"{sum(verdict.findings.held.values())} statements held")
+    for failure in verdict.findings.failures:
+        print(f"FAILED {failure.kind}\n       {failure.detail}")
+
+
+def campaign(seeds: Sequence[int], middle: bool, drive: str | None, workers: int) -> list[Row]:
+    """All seeds, told by kind of failure at the end."""
+    with ProcessPoolExecutor(workers) as pool:
+        rows = list(pool.map(row_of, seeds, [middle] * len(seeds), [drive] * len(seeds), chunksize=10))
+    held = sum((Counter(row.held) for row in rows), Counter[str]())
+    print(f"{len(rows)} logs: {dict(Counter(row.ended for row in rows))}; {sum(held.values())} statements held")
+    for what, count in sorted(held.items()):
+        print(f"  {count:7d}  {what}")
+    kinds: dict[str, list[tuple[Row, str]]] = {}
+    for row in rows:
+        for failure in row.failures:
+            kinds.setdefault(failure["kind"], []).append((row, failure["detail"]))
+    for kind, cases in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        print(f"FAILED {len({r.seed for r, _ in cases})} logs: {kind}")
+        print(f"       seeds {list(dict.fromkeys((r.seed, r.drive) for r, _ in cases))[:8]}")
+        print(f"       {cases[0][1][:300]}")
+    slowest = sorted(rows, key=lambda row: -row.seconds)[:5]
+    print("slowest: " + ", ".join(f"seed {r.seed} ({r.drive}) {r.seconds:.1f} s" for r in slowest))
+    return rows
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--count", type=int, default=1)
+    parser.add_argument("--drive", choices=list(DRIVES))
+    parser.add_argument("--rows", type=heard)
+    parser.add_argument("--middle", action="store_true")
+    parser.add_argument("--shrink", action="store_true")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--page", nargs=3, type=Path, metavar=("PAGE", "SMALL", "MIDDLE"))
+    given = parser.parse_args()
+    if given.page:
+        small, middle = (json.loads(path.read_text(encoding="utf-8")) for path in given.page[1:])
+        stress_page.write(given.page[0], small, middle, f"{platform.machine()}, {os.cpu_count()} cores")
+        return 0
+    if given.count > 1:
+        seeds = range(given.seed, given.seed + given.count)
+        rows = campaign(seeds, given.middle, given.drive, given.workers)
+        if given.json:
+            given.json.write_text(json.dumps([asdict(row) for row in rows]), encoding="utf-8")
+        return int(any(row.failures for row in rows))
+    verdict = judge(given.seed, middle=given.middle, drive=given.drive, rows=given.rows)
+    tell(verdict)
+    for kind in {f.kind for f in verdict.findings.failures} if given.shrink else ():
+        print(f"\nthe smallest that fails so: {kind}")
+        tell(smallest(verdict, kind)[1])
+    return int(bool(verdict.findings.failures))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
