@@ -2,8 +2,14 @@
 
 import numpy as np
 
-from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.model import Dataset, robot_of, variances
+from teamslam.geometry import Array, IntArray
+from teamslam.model import Dataset, Table, robot_of, variances
+
+
+def own_rows(log: Dataset, robot: int) -> list[Table]:
+    """The relative poses between two of the robot's own poses: odometry and loop closures."""
+    own = [t.select((robot_of(t.keys) == robot).all(1)) for t in log.tables if t.model == "relative_pose"]
+    return [table for table in own if len(table)]
 
 
 def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -14,7 +20,7 @@ def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray,
     for number, table in enumerate(log.tables):
         if table.model != "relative_pose":
             continue
-        own = (robot_of(table.keys) == robot).all(1)
+        own = (robot_of(table.keys) == robot).all(1) & np.isin(table.keys, poses).all(1)
         at = np.full(table.keys.shape, -5)
         at[own] = np.searchsorted(poses, table.keys[own])
         for step, back in ((1, 0), (-1, 1)):
@@ -26,25 +32,13 @@ def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray,
     return which, row, backward
 
 
-def odometry_along(log: Dataset, robot: int, poses: IntArray) -> tuple[Array, BoolArray]:
-    """The variance of the heading that each odometry step adds (n - 1,), and where one pose hangs on the next at all:
-    by that step, or by a relative pose that reaches across."""
+def heading_variances(log: Dataset, robot: int, poses: IntArray) -> Array:
+    """The variance of the heading that each odometry step adds (n - 1,) [rad^2], in space the sum over its axes;
+    infinite where no odometry tells it."""
     which, row, _ = odometry_links(log, robot, poses)
-    variance = np.zeros(len(which))
-    for number, table in enumerate(log.tables):
-        steps = np.flatnonzero(which == number)
-        if len(steps):
-            whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))[row[steps]]
-            variance[steps] = variances(whitening)[:, table.dim :].sum(-1)
-    return variance, (which >= 0) | _reached_across(log, robot, poses)
-
-
-def _reached_across(log: Dataset, robot: int, poses: IntArray) -> BoolArray:
-    """Where (n - 1,) a relative pose between two of the robot's own poses reaches from before to after."""
-    begin_end = np.zeros(len(poses) + 1, np.int64)
-    for table in log.tables:
-        if table.model == "relative_pose":
-            own = np.searchsorted(poses, table.keys[(robot_of(table.keys) == robot).all(1)])
-            np.add.at(begin_end, own.min(1), 1)
-            np.add.at(begin_end, own.max(1), -1)
-    return np.asarray(np.cumsum(begin_end)[: max(len(poses) - 1, 0)] > 0)
+    variance = np.full(len(which), np.inf)
+    for number in np.unique(which[which >= 0]).tolist():
+        steps, table = np.flatnonzero(which == number), log.tables[number]
+        whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))[row[steps]]
+        variance[steps] = variances(whitening)[:, table.dim :].sum(-1)
+    return variance

@@ -1,71 +1,256 @@
-"""Landmarks that no single sighting fixes: placed from several bearings or ranges, in closed form.
+"""Landmarks that no single sighting fixes: placed from several bearings and ranges, where these hold them.
 
-Bearings: the point nearest to all rays, a linear least squares: sum |(1 - u u')(p - c)|^2 with sensors at c, unit rays
-u. Ranges: differences of |p - c|^2 = r^2 are linear in p (spherical intersection); without spread there is no answer.
+    propose:  bearings want the point nearest to all rays, min sum |(1 - u u')(p - c)|^2 with sensors at c, rays u; ranges
+              |c|^2 - 2 c'p + |p|^2 = r^2 are linear in p and q = |p|^2 (spherical intersection); both at once
+    mirror:   ranges from places nearly in line (in space: in a plane) leave two answers, one on either side
+    refine:   a few damped Gauss-Newton steps of each landmark by itself, from each proposal; the lower cost counts
+    hold:     a place is taken where its worst standard deviation is below a share of its distance. Beyond that it may
+              as well be far off or on the other side, and no Gaussian tells
+
 A landmark that stays open is left out, and so are its measurements; the caller reports them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose
-from teamslam.joining.start.dead_reckoning import place_targets
+from teamslam.geometry import Array, BoolArray, IntArray, Pose
+from teamslam.joining.start.targets import place_targets
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, point_kind
 
+HELD = 0.5  # the largest share of its distance by which a landmark may be uncertain
+STEPS = 8  # of the refinement: quadratic near the answer
+MOST = 40  # sightings of one landmark that are looked at; more would not tell more of its place
 
-def triangulate(start: Values, tables: Sequence[Table]) -> Values:
+
+def triangulate(start: Values, tables: Iterable[Table]) -> Values:
     """`start` with the landmarks added that its poses see in `tables`, wherever the geometry fixes them."""
     marks = [t.select(is_landmark(t.keys[:, -1])) for t in tables if not t.row.unary]
-    marks = [t for t in marks if len(t)]
-    wanted = [(t.keys[:, -1], np.full(len(t), int(point_kind(t.dim)))) for t in marks]
-    if not wanted:
+    marks = [t for t in marks if len(t) and not start.layout.contains(t.keys[:, -1]).all()]
+    if not marks:
         return start
-    keys, kinds = (np.concatenate(column) for column in zip(*wanted, strict=True))
-    new = ~start.layout.contains(keys)
-    if not new.any():
-        return start
-    layout = start.layout.union(Layout.of(keys[new], kinds[new]))
-    start = place_targets(start, marks, layout)
-    found: dict[Kind, list[tuple[int, Array]]] = {}
-    for key in np.unique(keys[~start.layout.contains(keys)]).tolist():
-        place = _intersect([t.select(t.keys[:, -1] == key) for t in marks], start)
-        if place is not None:
-            found.setdefault(point_kind(len(place)), []).append((key, place))
-    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {
-        kind: (np.array([k for k, _ in points]), np.stack([p for _, p in points])) for kind, points in found.items()
-    }
-    return start.update(Values.of(parts)) if parts else start
+    layout = _kinds_of(marks).select(~start.layout.contains(_kinds_of(marks).keys))
+    start = place_targets(start, marks, start.layout.union(layout))
+    open_ = layout.select(~start.layout.contains(layout.keys) & (layout.kinds > Kind.POSE3))
+    for kind in (Kind.POINT2, Kind.POINT3):
+        bundle = Bundle.of(marks, start, open_.keys_of(kind), kind.dim)
+        places, held = bundle.intersected()
+        if held.any():
+            start = start.update(Values.of({kind: (bundle.keys[held], places[held])}))
+    return start
 
 
-def _intersect(tables: Sequence[Table], values: Values) -> Array | None:
-    """The point that several bearings and ranges to it agree on, or None where they leave it open."""
-    rows, right, centres, ranges = [], [], [], []
-    for table in tables:
-        part = table.select(values.layout.contains(table.keys[:, 0]))
-        if not len(part):
-            continue
-        dim = part.dim
-        eyes = values.poses_of(part.keys[:, 0], dim)
-        eyes = eyes if part.sensor is None else eyes @ part.sensor.lift(dim)
-        if part.model == "bearing":
-            z = part.values
-            ray = np.stack([np.cos(z[:, 0]), np.sin(z[:, 0])], -1) if dim == 2 else z
-            ray = (eyes.rotation @ ray[..., None])[..., 0]
-            across = np.eye(dim) - ray[:, :, None] * ray[:, None, :]
-            rows += list(across)
-            right += list((across @ eyes.translation[..., None])[..., 0])
-        elif part.model == "range":
-            centres += list(eyes.translation)
-            ranges += part.values[:, 0].tolist()
-    if len(centres) >= 2:
-        c, r = np.array(centres), np.array(ranges)
-        rows += list((2.0 * (c[1:] - c[0]))[:, None, :])
-        right += list((r[0] ** 2 - r[1:] ** 2 + np.sum(c[1:] ** 2, -1) - np.sum(c[0] ** 2))[:, None])
-    if not rows:
-        return None
-    a, b = np.concatenate(rows), np.concatenate(right)
-    u, s, vt = np.linalg.svd(a, full_matrices=False)
-    if len(s) < a.shape[1] or s[-1] < 1e-3 * s[0]:
-        return None
-    return np.asarray(vt.T @ ((u.T @ b) / s))
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Sightings of one model: `table`, who saw (m,), where the sensors stood, and which landmark of the bundle (m,)."""
+
+    table: Table
+    bodies: Pose
+    eyes: Pose
+    mark: IntArray
+
+    def repeated(self, times: int, marks: int) -> "_Rays":
+        """The same once for each of several proposals, which come one after another."""
+        again = np.tile(np.arange(len(self.mark)), times)
+        mark = self.mark[again] + marks * np.repeat(np.arange(times), len(self.mark))
+        return _Rays(self.table.select(again), self.bodies[again], self.eyes[again], mark)
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Landmarks (n,) of one dimension, with all sightings from known poses; `seen` (n,) counts these."""
+
+    keys: IntArray
+    dim: int
+    rays: Sequence[_Rays]
+    seen: IntArray
+
+    @classmethod
+    def of(cls, tables: Iterable[Table], values: Values, keys: IntArray, dim: int) -> "Bundle":
+        """The sightings in `tables` of the landmarks `keys` (sorted) from poses that are among `values`."""
+        rays, seen = [], np.zeros(len(keys), np.int64)
+        for table in tables:
+            rows = np.flatnonzero(np.isin(table.keys[:, 1], keys) & values.layout.contains(table.keys[:, 0]))
+            if not len(rows) or table.dim > dim:
+                continue
+            mark = np.searchsorted(keys, table.keys[rows, 1])
+            seen += np.bincount(mark, minlength=len(keys))
+            rows = rows[_spread(mark)]
+            part = table.select(rows)
+            bodies = values.poses_of(part.keys[:, 0], dim)
+            eyes = bodies if part.sensor is None else bodies @ part.sensor.lift(dim)
+            rays.append(_Rays(part, bodies, eyes, np.searchsorted(keys, part.keys[:, 1])))
+        return cls(keys, dim, rays, seen)
+
+    def intersected(self) -> tuple[Array, BoolArray]:
+        """Where each landmark is (n, d), and whether it is held there (n,)."""
+        n = len(self.keys)
+        if not self.rays:
+            return np.zeros((n, self.dim)), np.zeros(n, bool)
+        proposals = self.proposals()
+        places, costs, information = self.refined(proposals)
+        best = np.argmin(costs, 0)
+        each = np.arange(n)
+        places, costs, information = places[best, each], costs[best, each], information[best, each]
+        return places, np.isfinite(costs) & self.holds(places, information)
+
+    def proposals(self) -> Array:
+        """(2, n, d): by linear least squares, and on the other side of the line or plane that the ranges came from."""
+        n, d = len(self.keys), self.dim
+        normal, right = np.zeros((n, d + 1, d + 1)), np.zeros((n, d + 1))
+        for rays in self.rays:
+            rows, values = _linear_rows(rays, d)
+            np.add.at(normal, rays.mark, np.swapaxes(rows, -1, -2) @ rows)
+            np.add.at(right, rays.mark, (np.swapaxes(rows, -1, -2) @ values[..., None])[..., 0])
+        # q = |p|^2 goes first; without ranges it is not there.
+        square = np.where(normal[:, d, d] > 0.0, normal[:, d, d], 1.0)
+        across = normal[:, :d, d]
+        left = normal[:, :d, :d] - across[:, :, None] * across[:, None, :] / square[:, None, None]
+        wanted = right[:, :d] - across * (right[:, d] / square)[:, None]
+        ridge = 1e-12 * np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
+        straight = np.linalg.solve(left + ridge[:, None, None] * np.eye(d), wanted[..., None])[..., 0]
+        return self._on_either_side(straight)
+
+    def _on_either_side(self, places: Array) -> Array:
+        """The places, and their mirrors; both as far off the line or plane of the sensors as the ranges say."""
+        n, d = places.shape
+        ranged = [rays for rays in self.rays if rays.table.model == "range"]
+        if not ranged:
+            return places[None]
+        mark = np.concatenate([rays.mark for rays in ranged])
+        centres = np.concatenate([rays.eyes.translation for rays in ranged])
+        lengths = np.concatenate([rays.table.values[:, 0] for rays in ranged])
+        count = np.maximum(np.bincount(mark, minlength=n), 1)[:, None]
+        middle = _summed(centres, mark, n) / count
+        arms = centres - middle[mark]
+        _, axes = np.linalg.eigh(_summed(arms[:, :, None] * arms[:, None, :], mark, n))
+        off = axes[:, :, 0]  # the direction in which the sensors are spread least
+        height = np.sum((places - middle) * off, -1)
+        foot = places - height[:, None] * off
+        missing = lengths**2 - np.sum((foot[mark] - centres) ** 2, -1)
+        rise = np.sqrt(np.maximum(_summed(missing, mark, n) / count[:, 0], 0.0))
+        side = np.where(height < 0.0, -1.0, 1.0)
+        has = np.bincount(mark, minlength=n) > 0
+        up = np.where(has[:, None], foot + (side * rise)[:, None] * off, places)
+        down = np.where(has[:, None], foot - (side * rise)[:, None] * off, places)
+        return np.stack([up, down])
+
+    def refined(self, proposals: Array) -> tuple[Array, Array, Array]:
+        """From each proposal (k, n, d) the nearest optimum of each landmark by itself, its cost (k, n), and the
+        information on it (k, n, d, d)."""
+        k, n, d = proposals.shape
+        rays = [each.repeated(k, n) for each in self.rays]
+        places, damping = proposals.reshape(k * n, d), np.full(k * n, 1e-3)
+        cost, gradient, information = _linearised(rays, places)
+        for _ in range(STEPS):
+            scale = np.trace(information, axis1=1, axis2=2) / d + 1e-300
+            damped = information + (damping * scale)[:, None, None] * np.eye(d)
+            tried = places + np.linalg.solve(damped, gradient[..., None])[..., 0]
+            cost_tried, gradient_tried, information_tried = _linearised(rays, tried)
+            better = cost_tried < cost
+            damping = np.where(better, 0.1 * damping, 10.0 * damping)
+            places = np.where(better[:, None], tried, places)
+            gradient = np.where(better[:, None], gradient_tried, gradient)
+            information = np.where(better[:, None, None], information_tried, information)
+            cost = np.where(better, cost_tried, cost)
+        return places.reshape(k, n, d), cost.reshape(k, n), information.reshape(k, n, d, d)
+
+    def holds(self, places: Array, information: Array) -> BoolArray:
+        """Whether each landmark (n,) is known to a share of its least distance."""
+        n = len(self.keys)
+        nearest = np.full(n, np.inf)
+        looked_at = np.zeros(n)
+        for rays in self.rays:
+            np.minimum.at(nearest, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
+            looked_at += np.bincount(rays.mark, minlength=n)
+        least = np.linalg.eigvalsh(information)[:, 0] * self.seen / np.maximum(looked_at, 1.0)
+        return np.asarray(least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest)
+
+
+def _kinds_of(tables: Sequence[Table]) -> Layout:
+    """The landmarks that tables see: space counts before the plane, and a pose before a point."""
+    keys = np.concatenate([t.keys[:, -1] for t in tables])
+    spatial = np.concatenate([np.full(len(t), t.dim == 3) for t in tables])
+    posed = np.concatenate([np.full(len(t), t.row.targets_pose) for t in tables])
+    keys, of = np.unique(keys, return_inverse=True)
+    in_space, is_pose = np.zeros(len(keys), bool), np.zeros(len(keys), bool)
+    np.logical_or.at(in_space, of, spatial)
+    np.logical_or.at(is_pose, of, posed)
+    return Layout.of(keys, np.where(is_pose, 0, int(point_kind(2))) + in_space)
+
+
+def _spread(mark: IntArray) -> IntArray:
+    """At most MOST rows of each landmark, evenly taken, in their order."""
+    order = np.argsort(mark, kind="stable")
+    sorted_ = mark[order]
+    first = np.searchsorted(sorted_, sorted_)
+    count = np.searchsorted(sorted_, sorted_, side="right") - first
+    place = np.arange(len(mark)) - first
+    # The k-th of n rows is taken where k MOST / n passes a whole number.
+    taken = (count <= MOST) | ((place * MOST) // count != ((place - 1) * MOST) // count)
+    return np.sort(order[taken])
+
+
+def _linear_rows(rays: _Rays, d: int) -> tuple[Array, Array]:
+    """What the sightings say of (p, q = |p|^2), linear: rows (m, k, d + 1) and values (m, k)."""
+    table, centres, z = rays.table, rays.eyes.translation, rays.table.values
+    m, dim = len(table), table.dim
+    rows = np.zeros((m, d, d + 1))
+    values = np.zeros((m, d))
+    if table.model == "bearing":
+        ray = np.stack([np.cos(z[:, 0]), np.sin(z[:, 0])], -1) if dim == 2 else z
+        if dim == d:
+            ray = (rays.eyes.rotation @ ray[..., None])[..., 0]
+            rows[:, :, :d] = np.eye(d) - ray[:, :, None] * ray[:, None, :]
+        else:  # a plane through the sensor's upright
+            across = np.stack([-ray[:, 1], ray[:, 0], np.zeros(m)], -1)
+            rows[:, 0, :d] = (rays.eyes.rotation @ across[..., None])[..., 0]
+        values = (rows[:, :, :d] @ centres[..., None])[..., 0]
+    elif table.model == "range":
+        length = np.maximum(z[:, 0], 1e-9)
+        rows[:, 0, :dim] = -2.0 * centres[:, :dim]
+        rows[:, 0, d] = 1.0
+        values[:, 0] = length**2 - np.sum(centres[:, :dim] ** 2, -1)
+        rows, values = rows / (2.0 * length)[:, None, None], values / (2.0 * length)[:, None]
+    elif table.model == "point" and dim == d:
+        pull = table.whitening @ np.swapaxes(rays.eyes.rotation, -1, -2)
+        rows[:, :, :d] = pull
+        values = (table.whitening @ z[..., None])[..., 0] + (pull @ centres[..., None])[..., 0]
+    return rows, values
+
+
+def _linearised(rays: Sequence[_Rays], places: Array) -> tuple[Array, Array, Array]:
+    """Of each landmark its cost (n,), gradient (n, d) and information (n, d, d), by central differences."""
+    n, d = places.shape
+    cost, gradient, information = np.zeros(n), np.zeros((n, d)), np.zeros((n, d, d))
+    for each in rays:
+        at = places[each.mark]
+        error = _whitened(each, at)
+        squared = np.sum(error**2, -1)
+        weight = each.table.loss.weight(squared)
+        step = 1e-6 * np.maximum(np.linalg.norm(at - each.eyes.translation, axis=-1), 1e-6)
+        columns = [
+            (_whitened(each, at - step[:, None] * axis) - _whitened(each, at + step[:, None] * axis))
+            / (2.0 * step)[:, None]
+            for axis in np.eye(d)
+        ]
+        jacobian = np.stack(columns, -1)
+        weighted = weight[:, None, None] * np.swapaxes(jacobian, -1, -2)
+        cost += np.bincount(each.mark, each.table.loss.cost(squared), minlength=n)
+        gradient += _summed((weighted @ error[..., None])[..., 0], each.mark, n)
+        information += _summed(weighted @ jacobian, each.mark, n)
+    return cost, gradient, information
+
+
+def _whitened(rays: _Rays, places: Array) -> Array:
+    table = rays.table
+    error = table.row.minus(table.values, table.predict_from(rays.bodies, places), table.dim)
+    return np.asarray((table.whitening @ error[..., None])[..., 0])
+
+
+def _summed(numbers: Array, of: IntArray, n: int) -> Array:
+    """Rows (m, ...) added up by the group that each is of: (n, ...)."""
+    flat = numbers.reshape(len(of), -1)
+    columns = [np.bincount(of, column, minlength=n) for column in flat.T]
+    return np.stack(columns, -1).reshape(n, *numbers.shape[1:])

@@ -7,7 +7,8 @@ the heading turns by a total angle phi, spread along the odometry as its varianc
 
     R_t -> R_t Exp(phi v_t a) ,    phi = k 2 pi / 3 ,  |phi| <= 3 sigma ,    v_t the share of step t, a a body axis
 
-Three starts to a basin, each as wide as a turn. A way whose heading is known better than to 0.7 rad has one start.
+Three starts to a basin, each as wide as a turn, and at most MOST bends each way: two turns. A way whose heading is known
+better than to 0.7 rad has one start.
 Carlone & Censi, "From angular manifolds to the integer lattice" (T-RO 2014), count the same minima.
 """
 
@@ -19,6 +20,7 @@ from teamslam.model import Values, pose_kind
 
 SPACING = 2.0 * np.pi / 3.0  # [rad]
 REACH = 3.0  # [sigmas]
+MOST = 6  # bends each way about an axis; a heading that may be lost by more than two turns is lost
 
 
 def wound(way: Values, variances: Array) -> list[Values]:
@@ -31,7 +33,7 @@ def wound(way: Values, variances: Array) -> list[Values]:
     dim = 2 if way.layout.kinds[0] == pose_kind(2) else 3
     axes = np.eye(rotations(dim).DOF)
     share, total = variances / max(variances.sum(), 1e-300), float(variances.sum()) / len(axes)
-    count = int(REACH * np.sqrt(total) / SPACING)
+    count = min(int(REACH * np.sqrt(total) / SPACING), MOST)
     if not count:
         return [way]
     poses = way.poses_of(keys, dim)

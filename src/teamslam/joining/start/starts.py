@@ -1,0 +1,69 @@
+"""Start values of a piece of log: guesses of everything that its measurements fix, in the frame of its first pose.
+
+    relative poses close loops    `chordal`: headings and places in closed form
+    the heading stays known       dead reckoning
+    it may be lost by a turn      dead reckoning, and bent ways (`wound`), where the way is short
+    it is lost on a long way      `grown` from short stretches, by the landmarks
+
+Targets stand where they were first seen whole, the others where several sightings put them. Of several starts that of
+the lowest cost counts in the end. There are at most BENDS of them, however long the log, and each takes time in
+proportion to its length.
+"""
+
+import numpy as np
+
+from teamslam.joining.start.chordal import chordal
+from teamslam.joining.start.dead_reckoning import dead_reckoning
+from teamslam.joining.start.grown import grown
+from teamslam.joining.start.odometry import heading_variances, odometry_links, own_rows
+from teamslam.joining.start.targets import place_targets
+from teamslam.joining.start.triangulate import triangulate
+from teamslam.joining.start.wound import wound
+from teamslam.model import Dataset, Layout, Values, is_landmark, pose_kind
+
+HEADING_SIGMA = 0.2  # [rad]: up to here dead reckoning is a good start; a chord errs by about half its square, 2 %
+SHORT = 15  # poses of a way that is tried bent; longer ones are grown
+
+
+def starts(piece: Dataset, robot: int) -> list[Values]:
+    """Start values of all of a piece's variables that its sightings fix; those left open are absent.
+
+    There are several where it cannot be told which of them is nearest to the best optimum. Raises ModelError where the
+    robot's own relative poses do not hang together.
+    """
+    kinds = local_kinds(piece.layout, piece.robots[robot])
+    return [triangulate(place_targets(way, piece.tables, kinds), piece.tables) for way in ways(piece, robot)]
+
+
+def ways(piece: Dataset, robot: int) -> list[Values]:
+    """The robot's way, in as many guesses as there is reason for; with a grown one come the landmarks that made it."""
+    dim = piece.robots[robot]
+    reckoned = dead_reckoning(piece, robot)
+    keys = reckoned.layout.keys
+    if _loops(piece, robot, keys):
+        own = own_rows(piece, robot)
+        relaxed = Values.of({pose_kind(dim): (keys, chordal(own, keys, dim))})
+        # A false loop bends what is relaxed, and leaves what is reckoned alone.
+        return [relaxed] if all(t.loss.name == "squared" for t in own) else [relaxed, reckoned]
+    variances = heading_variances(piece, robot, keys)
+    if not np.isfinite(variances).all() or variances.sum() <= HEADING_SIGMA**2:
+        return [reckoned]
+    if len(keys) <= SHORT:
+        return wound(reckoned, variances)
+    return [grown(piece, robot, reckoned, local_kinds(piece.layout, dim))] if _sees_landmarks(piece) else [reckoned]
+
+
+def local_kinds(layout: Layout, dim: int) -> Layout:
+    """The kinds of variables in a robot's own frame: seen from space, a robot on the ground is a pose in space."""
+    return Layout.of(layout.keys, layout.kinds | 1 if dim == 3 else layout.kinds)
+
+
+def _loops(piece: Dataset, robot: int, keys: np.ndarray) -> bool:
+    """Whether the robot's own relative poses close loops (another between the same two is none)."""
+    pairs = [np.sort(t.keys, 1) for t in own_rows(piece, robot)]
+    within = [p[np.isin(p, keys).all(1)] for p in pairs]
+    return bool(within) and len(np.unique(np.concatenate(within), axis=0)) > len(keys) - 1
+
+
+def _sees_landmarks(piece: Dataset) -> bool:
+    return any(is_landmark(t.keys[:, -1]).any() for t in piece.tables if not t.row.unary)
