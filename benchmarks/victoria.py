@@ -22,7 +22,7 @@ import numpy as np
 import teamslam as ts
 from datasets import VICTORIA_PARK, folder_of
 from run import machine
-from teamslam.joining.start.dead_reckoning import piece_start
+from teamslam.joining.start.starts import reckoned
 from teamslam.model import Dataset, Values
 from teamslam.solver import Options, System, optimise
 
@@ -36,7 +36,7 @@ def main() -> None:
     print(f"{machine()}\nread in {time.perf_counter() - began:.2f} s: {len(dataset.pose_keys[1])} poses, "
           f"{len(dataset.landmark_keys)} landmarks, {dataset.dof} numbers measured\n")  # fmt: skip
     print("| from dead reckoning | seconds | iterations | chi2 |\n|---|---|---|---|")
-    start = piece_start(dataset, 1)
+    start = reckoned(dataset, 1)
     rows = [row("dead reckoning, as it stands", dataset, start, 0.0, 0)]
     answer, seconds = by_parts(dataset)
     rows.append(row("teamslam: split, build, join, full", dataset, answer, seconds, 0))

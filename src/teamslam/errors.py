@@ -39,7 +39,11 @@ class ModelError(TeamslamError):
 
 
 class SolveError(TeamslamError):
-    """The estimate does not exist or was not reached; the message names the variables concerned."""
+    """The estimate does not exist or was not reached; the message names the variables concerned, `key` the first."""
+
+    def __init__(self, problem: str, *, key: int | None = None) -> None:
+        self.key = key
+        super().__init__(problem)
 
 
 class MissingExtraError(TeamslamError):

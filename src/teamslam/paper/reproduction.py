@@ -18,7 +18,7 @@ import numpy as np
 from teamslam.errors import InputError, SolveError
 from teamslam.joining import Joined, build, full, join, split
 from teamslam.joining.place.place import place
-from teamslam.joining.start.dead_reckoning import piece_start
+from teamslam.joining.start.starts import reckoned
 from teamslam.metrics import PerNumber, cramer_rao, errors_at_base, score
 from teamslam.model import Dataset, Submap, Values
 from teamslam.sim import NOISE_LEVELS, SCENARIOS, PaperOptions, simulate
@@ -251,7 +251,7 @@ def _join_costs(dataset: Dataset) -> list[float]:
 def _full_from_scratch(dataset: Dataset) -> list[float]:
     """Full least squares from dead reckoning, each robot's placed in the team's frame by one rigid fit."""
     pieces = split(dataset)
-    starts = [piece_start(piece, piece.tables[0].robot) for piece in pieces]
+    starts = [reckoned(piece, piece.tables[0].robot) for piece in pieces]
     sketched = [_as_submap(build(piece, options=PATIENT), start) for piece, start in zip(pieces, starts, strict=True)]
     cluster = place(sketched).clusters[0]
     values = Values.of({})

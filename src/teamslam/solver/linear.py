@@ -107,7 +107,8 @@ class Factor:
             key = int(self.layout.keys[problem.variable])
             raise SolveError(
                 f"{self.names.describe(key)} is not determined by the measurements: the information matrix has no "
-                f"positive pivot there; look for what observes it (too few sightings, or a part that nothing connects)"
+                f"positive pivot there; look for what observes it (too few sightings, or a part that nothing connects)",
+                key=key,
             ) from None
 
     def solve(self, right: Array) -> Array:
@@ -131,7 +132,9 @@ class Factor:
             complement, reduced = self._factor.eliminate(numbers, right)
         except kernel.NotPositiveDefinite as problem:
             key = int(self.layout.keys[problem.variable])
-            raise SolveError(f"{self.names.describe(key)} is not determined by the rest of its submap") from None
+            raise SolveError(
+                f"{self.names.describe(key)} is not determined by the rest of its submap", key=key
+            ) from None
         return np.asarray(complement), np.asarray(reduced)
 
     def back_substitute(self, last: Array, right: Array) -> Array:

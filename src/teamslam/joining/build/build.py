@@ -1,37 +1,35 @@
 """Algorithm 1: a submap from a robot's own measurements, in its own frame, with the information at the optimum.
 
-    start:  dead reckoning, every target where it was first seen; of a long log, by pieces that are joined
-    solve:  minimise f(S) (paper, eq. 2); where the heading may be lost by a turn, from several starts, lowest cost
+    start:  one or several guesses (see `starts`)
+    solve:  minimise f(S) (paper, eq. 2), from every guess a few steps, from the lowest to the end
     keep :  S^ and I_S = J' W J at S^ (eq. 9), robust weights inside
 
-Dead reckoning is a start while the heading is known; a log on which it is not is cut into pieces on which it is,
-their submaps are built and joined, and what they show together is the start for the whole. So a submap may be as long
-as the log.
+A guess is a guess: it may be rough, and what cannot be solved from it is solved from another. A solve that stops short
+of its optimum still gives the submap where what is left is little against one sigma; its solution says how much.
 
 What a Gaussian over S cannot hold travels beside it as raw measurements, and meets its other half at the join:
-sightings that leave part of their target open (a range or bearing to a robot has no heading), and robust sightings of
-robots, since a pose seen once leaves no residual by which a wrong sighting could be known.
+sightings that leave part of their target open (a range or bearing to a robot has no heading; a landmark straight ahead
+has no distance), and robust sightings of robots, since a pose seen once leaves no residual by which a wrong sighting
+could be known.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
-from teamslam.joining.build.split import split
-from teamslam.joining.join.join import join
-from teamslam.joining.start.dead_reckoning import dead_reckoning, own_chain, place_targets
-from teamslam.joining.start.odometry import odometry_along, odometry_links
-from teamslam.joining.start.triangulate import triangulate
-from teamslam.joining.start.wound import wound
+from teamslam.joining.build.split import refuse_borrowed
+from teamslam.joining.start.dead_reckoning import own_chain
+from teamslam.joining.start.odometry import own_rows
+from teamslam.joining.start.starts import starts
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
 from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
 
-HEADING_SIGMA = 0.2  # [rad]: up to here dead reckoning is a good start; a chord errs by about half its square, 2 %
-ROUGH = 20  # iterations of the join that only gives a start
+ROUGH = 20  # iterations of a solve that only gives a start
+LITTLE = 0.1  # [sigmas] from the optimum: the estimate and its information are as good as there
 
 
 def build(
@@ -61,7 +59,7 @@ def build_with_solution(
 ) -> tuple[Submap, Solution]:
     """`build`, and the solver's account of it."""
     submap, solution = next(_optima(piece, id, version, options, progress))
-    if not solution.converged:
+    if not usable(solution):
         raise SolveError(_not_converged(solution))
     return submap, solution
 
@@ -69,68 +67,133 @@ def build_with_solution(
 def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
     """Every distinct local optimum that is found of a piece, lowest cost first: the first is what `build` gives.
 
-    There is more than one only where dead reckoning loses the heading (see `wound`). Which of them is right may
-    show only when the team's submaps meet. All have one id: a join takes one of them. Raises as `build` does.
+    There is more than one only where dead reckoning loses the heading (see `wound`), or where a loss forgives. Which of
+    them is right may show only when the team's submaps meet. All have one id: a join takes one of them. Raises as
+    `build` does.
     """
-    found = list(_optima(piece, None, 0, options, None))
-    if not found[0][1].converged:
-        raise SolveError(_not_converged(found[0][1]))
-    return [submap for submap, _ in found]
+    (first, solution), *others = _optima(piece, None, 0, options, None)
+    if not usable(solution):
+        raise SolveError(_not_converged(solution))
+    return [first, *(submap for submap, _ in others)]
 
 
 def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
-    """What a team's least squares over all measurements may start from: `build_alternatives`, and after them, where
+    """What a team's least squares over all measurements may start from: every distinct optimum, and after them, where
     dead reckoning loses the heading, the ways that were tried, bent and as they are.
 
     Alone a robot makes one and the same map of these, but the team's optimum may lie nearer to another. They stand at
-    their own places with the best map's information: starts, and no measurements.
+    their own places with the best map's information: starts, and no measurements. A start need not be an optimum: where
+    none is found, it is as near as was come, or the way that the robot's own relative poses tell. Raises ModelError as
+    `build` does, SolveError where not even these hold.
     """
-    optima = build_alternatives(piece, options=options)
-    ways, keys = _ways(piece, _the_robot(piece)), optima[0].values.layout.keys
-    if len(ways) < 2:
+    robot = _the_robot(piece)
+    try:
+        optima = [submap for submap, _ in _optima(piece, None, 0, options, None)]
+    except SolveError:
+        return [_skeleton(piece, robot, options)]
+    guesses, keys = starts(piece, robot), optima[0].values.layout.keys
+    if len(guesses) < 2:
         return optima
-    return optima + [replace(optima[0], values=w.only(keys)) for w in ways if w.layout.contains(keys).all()]
+    return optima + [replace(optima[0], values=g.only(keys)) for g in guesses if g.layout.contains(keys).all()]
+
+
+def _skeleton(piece: Dataset, robot: int, options: Options) -> Submap:
+    """The piece's way by its own relative poses, and nothing that was seen from it."""
+    bones = piece.with_tables(own_rows(piece, robot))
+    return replace(next(_optima(bones, None, 0, options, None))[0], sources=Sources.of(piece.tables))
 
 
 def _optima(
     piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
 ) -> Iterator[tuple[Submap, Solution]]:
-    """The local optima of a piece as submaps, lowest first."""
-    robot = _the_robot(piece)
-    poses = own_chain(piece, robot)
-    base = int(poses[0])
-    starts = _starts(piece, robot, options)
-    inside, raw = gaussian_part(piece.tables, robot, poses, starts[0].layout)
-    held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
-    starts = [s.only(held) for s in starts if s.layout.contains(held).all()]
-    system = System(starts[0].layout, tables=inside, fixed=np.array([base]), names=piece.names)
-    for rank, start in enumerate(_distinct(system, starts, options)):
-        solution = optimise(system, convex_start(system, start, options), options, progress)
-        if rank > 0 and not solution.converged:
-            continue
-        submap = Submap(
-            id=id or f"{piece.names.robot(robot)}/{int(index_of(base))}",
+    """The local optima of a piece as submaps, lowest first. Raises SolveError where there is none."""
+    problem = _Problem.of(piece)
+    while True:
+        try:
+            found = _distinct(problem.system, problem.guesses, options)
+            first = optimise(problem.system, found[0], options, progress)
+            break
+        except SolveError as error:
+            # A landmark that turns out to be open costs nobody else anything: its sightings travel raw.
+            if error.key is None or not is_landmark(error.key):
+                raise
+            problem = _Problem.of(piece, np.append(problem.loose, error.key))
+    yield problem.submap(first, id, version), first
+    for start in found[1:]:
+        solution = optimise(problem.system, start, options, progress)
+        if solution.converged:
+            yield problem.submap(solution, id, version), solution
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The least squares of one piece: its `system`, the rows that travel `raw`, what to start from, and landmarks that
+    were found `loose`."""
+
+    piece: Dataset
+    base: int
+    system: System
+    raw: Sequence[Table]
+    guesses: Sequence[Values]
+    loose: IntArray
+
+    @classmethod
+    def of(cls, piece: Dataset, loose: IntArray = np.zeros(0, np.int64)) -> "_Problem":  # noqa: B008
+        """The problem of a piece in the frame of its first pose."""
+        robot = _the_robot(piece)
+        for table in piece.tables:
+            refuse_borrowed(table, piece.names)
+        poses = own_chain(piece, robot)
+        guesses = starts(piece, robot)
+        known = guesses[0].layout
+        inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
+        held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
+        guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
+        system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
+        return cls(piece, int(poses[0]), system, raw, guesses, loose)
+
+    def submap(self, solution: Solution, id: str | None, version: int) -> Submap:
+        """What is kept of a solution."""
+        piece, base = self.piece, self.base
+        return Submap(
+            id=id or f"{piece.names.robot(int(robot_of(base)))}/{int(index_of(base))}",
             version=version,
             base=base,
-            base_dim=piece.robots[robot],
+            base_dim=piece.robots[int(robot_of(base))],
             values=solution.values.select(solution.values.layout.keys != base),
             information=solution.information,
             sources=Sources.of(piece.tables),
             names=piece.names,
-            raw=tuple(raw),
+            raw=tuple(self.raw),
             cost=solution.cost,
             chi2=solution.chi2,
             rows=solution.rows,
         )
-        yield submap, solution
 
 
-def _distinct(system: System, starts: Sequence[Values], options: Options) -> list[Values]:
-    """The basins that the starts lie in, each by one start near its optimum, lowest cost first."""
-    if len(starts) == 1:
-        return list(starts)
+def _distinct(system: System, guesses: Sequence[Values], options: Options) -> list[Values]:
+    """The basins that the guesses lie in, each by one start near its optimum, lowest cost first.
+
+    Raises SolveError where none of them leads anywhere.
+    """
+    guesses = list(guesses)
     rough = replace(options, max_iterations=min(options.max_iterations, 3 * ROUGH), decrement=0.01)
-    tried = [optimise(system, convex_start(system, start, rough), rough) for start in starts]
+    if system.rows == system.free.dof:
+        guesses = guesses[:1]  # nothing is measured twice: one optimum, which fits all
+    if system.convex() is system and len(guesses) == 1:
+        return guesses
+    tried: list[Solution] = []
+    problem: SolveError | None = None
+    for guess in guesses:
+        try:
+            # Where losses forgive, what is far off in a guess may be out of their sight.
+            convex = convex_start(system, guess, rough)
+            tried += [optimise(system, start, rough) for start in ([guess] if convex is guess else [guess, convex])]
+        except SolveError as error:
+            problem = error
+    if not tried:
+        assert problem is not None
+        raise problem
     found: list[Solution] = []
     for solution in sorted(tried, key=lambda s: s.cost):
         if all(_apart(system, solution, other) for other in found):
@@ -145,55 +208,9 @@ def _apart(system: System, one: Solution, other: Solution) -> bool:
     return float(difference @ (other.information @ difference)) > 1.0
 
 
-def _starts(piece: Dataset, robot: int, options: Options) -> list[Values]:
-    """Start values of everything that the piece's measurements fix, in the frame of its first pose."""
-    if ways := _ways(piece, robot):
-        return ways
-    parts = split(piece, heading_sigma=HEADING_SIGMA)
-    rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
-    try:
-        return [join((_rough(part, robot, rough) for part in parts), options=rough).map.all_values]
-    except SolveError:
-        return [_dead_reckoned(piece, robot)]
-
-
-def _rough(part: Dataset, robot: int, options: Options) -> Submap:
-    """A part's submap that only serves as a start: as near to an optimum as it gets, or else the way that its odometry
-    tells."""
-    try:
-        return next(_optima(part, None, 0, options, None))[0]
-    except SolveError:
-        poses = own_chain(part, robot)
-        return build(part.with_tables(_odometry(part, robot, poses)), options=options)
-
-
-def _odometry(part: Dataset, robot: int, poses: IntArray) -> Iterator[Table]:
-    """One relative pose between each two neighbours of the robot's poses, and nothing else."""
-    which, row, _ = odometry_links(part, robot, poses)
-    for number, table in enumerate(part.tables):
-        if (which == number).any():
-            yield table.select(np.sort(row[which == number]))
-
-
-def _dead_reckoned(piece: Dataset, robot: int) -> Values:
-    """Everything where dead reckoning puts it."""
-    kinds = _local_kinds(piece.layout, piece.robots[robot])
-    return triangulate(place_targets(dead_reckoning(piece, robot), piece.tables, kinds), piece.tables)
-
-
-def _ways(piece: Dataset, robot: int) -> list[Values]:
-    """Starts by dead reckoning, as it is and bent; none where the piece is too long for it to be a start."""
-    if len(split(piece, heading_sigma=HEADING_SIGMA)) > 1:
-        return []
-    kinds = _local_kinds(piece.layout, piece.robots[robot])
-    way = dead_reckoning(piece, robot)
-    variances, _ = odometry_along(piece, robot, way.layout.keys)
-    return [triangulate(place_targets(bent, piece.tables, kinds), piece.tables) for bent in wound(way, variances)]
-
-
-def _local_kinds(layout: Layout, dim: int) -> Layout:
-    """The kinds of variables in a robot's own frame: seen from space, a robot on the ground is a pose in space."""
-    return Layout.of(layout.keys, layout.kinds | 1 if dim == 3 else layout.kinds)
+def usable(solution: Solution) -> bool:
+    """Whether an estimate may stand for its optimum: it is one, or little is left to go."""
+    return solution.converged or solution.decrement <= LITTLE
 
 
 def _not_converged(solution: Solution) -> str:

@@ -40,7 +40,7 @@ def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_
     if not log.tables:
         return []
     for table in log.tables:
-        _refuse_borrowed(table, log.names)
+        refuse_borrowed(table, log.names)
     poses = log.pose_keys[robot]
     variance = heading_variances(log, robot, poses)
     starts = _cuts(variance, poses_per_piece, heading_sigma)
@@ -54,7 +54,8 @@ def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_
     return [piece for piece in pieces if piece.tables]
 
 
-def _refuse_borrowed(table: Table, names: Names) -> None:
+def refuse_borrowed(table: Table, names: Names) -> None:
+    """Raise ModelError where a row in a robot's table was taken from another robot's pose."""
     own = (robot_of(table.keys) == table.robot).any(1)
     if table.row.unary or own.all():
         return
@@ -109,6 +110,6 @@ def _hanging_together(log: Dataset, piece_of_row: Sequence[IntArray], poses: Int
     nodes = np.unique(np.concatenate([*stands, ends.ravel()]))
     i, j = np.searchsorted(nodes, ends).T
     _, group = connected_components(sp.coo_array((np.ones(len(i)), (i, j)), shape=(len(nodes),) * 2), directed=False)
-    _, first, group = np.unique(group, return_index=True, return_inverse=True)
-    in_time = np.argsort(np.argsort(first))[group]
+    _, first, label = np.unique(group, return_index=True, return_inverse=True)
+    in_time: IntArray = np.argsort(np.argsort(first))[label]
     return [in_time[np.searchsorted(nodes, stand)] for stand in stands]

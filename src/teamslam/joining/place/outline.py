@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, rotations
-from teamslam.joining.start.dead_reckoning import WHOLE, measured_positions
+from teamslam.joining.start.targets import WHOLE, measured_positions
 from teamslam.model import Kind, Submap, Table, robot_of, unpack, variances
 from teamslam.solver import Covariances
 

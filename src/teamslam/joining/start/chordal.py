@@ -1,6 +1,6 @@
 """Poses from relative poses alone, in closed form: two linear least squares, first the rotations, then the places.
 
-    min over R_1 .. R_n in R^(d x d)  sum_ij  w_ij |R_j - R_i R_ij|_F^2 ,    R_0 = 1,   each R_j then its nearest rotation
+    min over R_1 .. R_n in R^(d x d)  sum_ij  w_ij |R_j - R_i R_ij|_F^2 ,      R_0 = 1;  then the nearest rotations
     min over t_1 .. t_n               sum_ij  v_ij |t_j - t_i - R_i t_ij|^2 ,  t_0 = 0
 
 What makes a pose graph hard are its headings; without the demand that each R_j be a rotation they are a linear problem.
@@ -29,7 +29,7 @@ def chordal(tables: Iterable[Table], keys: IntArray, dim: int) -> Pose:
     Those of another dimension count by their shadow on the ground, or as upright. Raises SolveError where no relative
     poses link a pose to the first.
     """
-    between = [t.select(np.isin(t.keys, keys).all(1)) for t in tables if t.model == "relative_pose"]
+    between = [t.select(np.asarray(np.isin(t.keys, keys).all(1))) for t in tables if t.model == "relative_pose"]
     between = [t for t in between if len(t)]
     if not between or len(keys) == 1:
         return Pose.identity(dim, (len(keys),))

@@ -53,7 +53,7 @@ def own_chain(piece: Dataset, robot: int) -> IntArray:
     observers = np.concatenate([_earlier(table, robot) for table in piece.tables])
     observers = observers[robot_of(observers) == robot]
     if observers.max() <= chain[-1]:
-        return chain
+        return np.asarray(chain)
     pairs = np.searchsorted(poses, np.concatenate([t.keys for t in own_rows(piece, robot)] or [np.zeros((0, 2), int)]))
     graph = sp.csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(poses), len(poses)))
     _, labels = connected_components(graph, directed=False)
@@ -63,12 +63,12 @@ def own_chain(piece: Dataset, robot: int) -> IntArray:
             f"no odometry links {piece.names.describe(lost[0])} to {piece.names.describe(int(poses[0]))}: this is not "
             f"one piece; teamslam.split cuts a log there"
         )
-    return chain
+    return np.asarray(chain)
 
 
 def _earlier(table: Table, robot: int) -> IntArray:
     """The pose that each row belongs to: its observer, or the earlier of two of the robot's own poses."""
-    return np.where((robot_of(table.keys) == robot).all(1), table.keys.min(1), table.keys[:, 0])
+    return np.asarray(np.where((robot_of(table.keys) == robot).all(1), table.keys.min(1), table.keys[:, 0]))
 
 
 def compose_along(steps: Pose) -> Pose:

@@ -11,17 +11,18 @@ The heading that a stretch has lost is found before the next one adds to it, so 
 of it costs at most STEPS linearisations of the keyframes' rows for each level.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from teamslam.errors import SolveError
-from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, concatenate
 from teamslam.joining.start.keyframes import Keyframes
 from teamslam.joining.start.seams import corrected
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import Dataset, Kind, Layout, Table, Values, is_landmark, pose_key, pose_kind
+from teamslam.model import Dataset, Kind, Layout, Table, Values, pose_key, pose_kind
 from teamslam.solver import Options, System, convex_start, optimise
 
 STRETCH = 0.1  # [rad]: how far the heading may be lost along the shortest stretches
@@ -32,8 +33,8 @@ ORIGIN = int(pose_key(1, 0))  # the first pose of every stretch, which is its fr
 
 @dataclass(frozen=True, eq=False)
 class _Stretches:
-    """Where a way is cut: `bases` (places of keyframes). `poses` (n,) of keyframes, each in the frame of the stretch that
-    it ends or lies in. Landmarks by `codes` (stretch * marks + mark, sorted) with their `places` (m, 3) in its frame."""
+    """Where a way is cut: `bases` (places of keyframes). `poses` (n,) of keyframes, each in the frame of the stretch
+    that it ends or lies in. Landmarks by `codes` (stretch * marks + mark, sorted), and their `places` (m, 3) there."""
 
     bases: IntArray
     poses: Pose
@@ -87,15 +88,13 @@ def _solved(frames: Keyframes, cut: _Stretches, convex: bool) -> _Stretches:
     start = Values.of({pose_kind(dim): (keys, concatenate([Pose.identity(dim, (1,)), cut.poses[1:]]))})
     layout = start.layout.union(Layout.of(np.arange(len(codes)), marks))
     start = triangulate(place_targets(start.update(_known(cut, codes, marks)), tables, layout), tables)
-    tables = [t.select(start.layout.contains(t.keys).all(1)) for t in tables]
+    tables = [t.select(np.asarray(start.layout.contains(t.keys).all(1))) for t in tables]
     used = np.unique(np.concatenate([[ORIGIN], *(t.keys.ravel() for t in tables)]))
     values = start.only(used)
     system = System(values.layout, tables=[t for t in tables if len(t)], fixed=np.array([ORIGIN]))
     few = Options(max_iterations=STEPS, decrement=0.1 * float(np.sqrt(system.free.dof + 1.0)))
-    try:
+    with suppress(SolveError):  # a guess stays a guess
         values = optimise(system, convex_start(system, values, few) if convex else values, few).values
-    except SolveError:
-        pass  # a guess stays a guess
     values = start.update(values)
     found = np.flatnonzero(values.layout.contains(np.arange(len(codes))))
     poses = concatenate([Pose.identity(dim, (1,)), values.poses_of(keys[1:], dim)])
@@ -103,7 +102,7 @@ def _solved(frames: Keyframes, cut: _Stretches, convex: bool) -> _Stretches:
 
 
 def _apart(frames: Keyframes, cut: _Stretches) -> tuple[list[Table], IntArray]:
-    """The rows with variables of their stretches: poses by keyframe or ORIGIN, landmarks by their place among `codes`."""
+    """The rows with variables of their stretches: keyframes or ORIGIN, and landmarks by their place among `codes`."""
     stretch, begins = cut.of_rows(), np.isin(np.arange(len(cut.poses)), cut.bases)
     steps = np.arange(len(frames.steps))
     tables = [replace(frames.steps, keys=np.stack([_observer(steps, begins), _key(steps + 1)], 1))]
@@ -118,14 +117,14 @@ def _key(place: IntArray) -> IntArray:
     return pose_key(1, place + 1)
 
 
-def _observer(place: IntArray, begins: Array) -> IntArray:
+def _observer(place: IntArray, begins: BoolArray) -> IntArray:
     return np.where(begins[place], ORIGIN, _key(place))
 
 
 def _known(cut: _Stretches, codes: IntArray, kinds: IntArray) -> Values:
     """The landmarks that have a place already, as variables by their place among `codes`."""
     _, at, of = np.intersect1d(codes, cut.codes, assume_unique=True, return_indices=True)
-    parts = {}
+    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {}
     for kind in (Kind.POINT2, Kind.POINT3):
         here = kinds[at] == kind
         if here.any():
@@ -161,9 +160,7 @@ def _frames_of_second(cut: _Stretches, second: IntArray, marks: int) -> Pose:
     both = np.flatnonzero((cut.codes // marks % 2 == 1) & (cut.codes[twin] == cut.codes - marks))
     d = seams.dim
     variances = np.full(len(both), MARK_SIGMA**2)
-    return corrected(
-        seams, cut.places[both, :d], cut.places[twin[both], :d], variances, cut.codes[both] // marks // 2
-    )
+    return corrected(seams, cut.places[both, :d], cut.places[twin[both], :d], variances, cut.codes[both] // marks // 2)
 
 
 def _filled(frames: Keyframes, cut: _Stretches, way: Values, kind: Kind) -> Values:

@@ -1,8 +1,7 @@
-"""A way thinned to the poses that a start needs: of each bit along which the heading hardly changes its certainty, the pose
-that saw most.
+"""A way thinned to the poses a start needs: of each bit along which little heading is lost, the pose that saw most.
 
-Between two keyframes the odometry is one relative pose, with the covariance of all its steps. A step s of covariance P_s,
-from pose X_s on, moves the end X of its bit, seen from the beginning B, by M_s = [A, C; 0, D] to first order:
+Between two keyframes the odometry is one relative pose, with the covariance of all its steps. A step s of covariance
+P_s, from pose X_s on, moves the end X of its bit, seen from its beginning B, by M_s = [A, C; 0, D] to first order:
 
     A = R_B' R_s ,   C = -R_B' R_(s+1) [r]x ,  r = R_(s+1)' (T - T_(s+1)) ,   D = R' R_(s+1)         sum_s M_s P_s M_s'
 """
@@ -49,10 +48,11 @@ class Keyframes:
         keys, dim = way.layout.keys, piece.robots[robot]
         poses = way.poses_of(keys, dim)
         heading = heading_variances(piece, robot, keys)
-        seen = [t.select(is_landmark(t.keys[:, -1]) & np.isin(t.keys[:, 0], keys)) for t in piece.tables if not t.row.unary]
+        looks = [t for t in piece.tables if not t.row.unary]
+        seen = [t.select(is_landmark(t.keys[:, -1]) & np.isin(t.keys[:, 0], keys)) for t in looks]
         seen = [t for t in seen if len(t)]
-        counts = sum((np.bincount(np.searchsorted(keys, t.keys[:, 0]), minlength=len(keys)) for t in seen), np.zeros(len(keys)))
-        places = _chosen(heading, counts)
+        observers = np.searchsorted(keys, np.concatenate([*(t.keys[:, 0] for t in seen), np.zeros(0, np.int64)]))
+        places = _chosen(heading, np.bincount(observers, minlength=len(keys)))
         marks = np.unique(np.concatenate([t.keys[:, 1] for t in seen] or [np.zeros(0, np.int64)]))
         sightings = []
         for table in seen:
@@ -70,7 +70,7 @@ class Keyframes:
         return cls(places, poses[places], added, steps, sightings, marks, kinds.kinds[kinds.index(marks)])
 
 
-def _chosen(heading: Array, counts: Array) -> IntArray:
+def _chosen(heading: Array, counts: IntArray) -> IntArray:
     """The first pose, and of each bit of the way the one that saw most, where it saw anything."""
     bit = np.floor(np.append(0.0, np.cumsum(heading)) / BIT**2).astype(np.int64)
     # A step that loses more than a bit by itself begins another.

@@ -32,16 +32,15 @@ def corrected(seams: Pose, source: Array, target: Array, variances: Array, pair:
         arms = (frames.rotation[pair] @ source[..., None])[..., 0]
         missing = target - arms - frames.translation[pair]
         weights = _trust(np.sum(missing**2, -1) / variances, pair, n) / variances
-        jacobian = np.concatenate(
-            [np.broadcast_to(np.eye(d), (len(pair), d, d)), *((arms @ group.hat(w).T)[..., None] for w in np.eye(group.DOF))],
-            -1,
-        )
+        turned = [(arms @ group.hat(axis).T)[..., None] for axis in np.eye(group.DOF)]
+        jacobian = np.concatenate([np.broadcast_to(np.eye(d), (len(pair), d, d)), *turned], -1)
         weighted = weights[:, None, None] * np.swapaxes(jacobian, -1, -2)
         information, gradient = np.zeros((n, dof, dof)), np.zeros((n, dof))
         np.add.at(information, pair, weighted @ jacobian)
         np.add.at(gradient, pair, (weighted @ missing[..., None])[..., 0])
         # The turn back to the seam, written in the first's frame as the unknowns are.
-        back = np.concatenate([seams.translation - frames.translation, group.log(seams.rotation @ _transposed(frames))], -1)
+        turn = group.log(seams.rotation @ np.swapaxes(frames.rotation, -1, -2))
+        back = np.concatenate([seams.translation - frames.translation, turn], -1)
         pull = prior / (1.0 + np.sum(prior * back**2, -1, keepdims=True) / 4.0)
         information[:, np.arange(dof), np.arange(dof)] += pull
         step = np.linalg.solve(information, (gradient + pull * back)[..., None])[..., 0]
@@ -49,10 +48,6 @@ def corrected(seams: Pose, source: Array, target: Array, variances: Array, pair:
         if np.abs(step).max(initial=0.0) < 1e-3:
             break
     return frames
-
-
-def _transposed(frames: Pose) -> Array:
-    return np.swapaxes(frames.rotation, -1, -2)
 
 
 def _trust(squared: Array, pair: IntArray, n: int) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.dead_reckoning import dead_reckoning
 from teamslam.joining.start.grown import grown
-from teamslam.joining.start.odometry import heading_variances, odometry_links, own_rows
+from teamslam.joining.start.odometry import heading_variances, own_rows
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.joining.start.wound import wound
@@ -35,22 +35,28 @@ def starts(piece: Dataset, robot: int) -> list[Values]:
     return [triangulate(place_targets(way, piece.tables, kinds), piece.tables) for way in ways(piece, robot)]
 
 
+def reckoned(piece: Dataset, robot: int) -> Values:
+    """Start values by dead reckoning alone, and every target where it was first seen whole."""
+    kinds = local_kinds(piece.layout, piece.robots[robot])
+    return place_targets(dead_reckoning(piece, robot), piece.tables, kinds)
+
+
 def ways(piece: Dataset, robot: int) -> list[Values]:
     """The robot's way, in as many guesses as there is reason for; with a grown one come the landmarks that made it."""
     dim = piece.robots[robot]
-    reckoned = dead_reckoning(piece, robot)
-    keys = reckoned.layout.keys
+    way = dead_reckoning(piece, robot)
+    keys = way.layout.keys
     if _loops(piece, robot, keys):
         own = own_rows(piece, robot)
         relaxed = Values.of({pose_kind(dim): (keys, chordal(own, keys, dim))})
         # A false loop bends what is relaxed, and leaves what is reckoned alone.
-        return [relaxed] if all(t.loss.name == "squared" for t in own) else [relaxed, reckoned]
+        return [relaxed] if all(t.loss.name == "squared" for t in own) else [relaxed, way]
     variances = heading_variances(piece, robot, keys)
     if not np.isfinite(variances).all() or variances.sum() <= HEADING_SIGMA**2:
-        return [reckoned]
+        return [way]
     if len(keys) <= SHORT:
-        return wound(reckoned, variances)
-    return [grown(piece, robot, reckoned, local_kinds(piece.layout, dim))] if _sees_landmarks(piece) else [reckoned]
+        return wound(way, variances)
+    return [grown(piece, robot, way, local_kinds(piece.layout, dim))] if _sees_landmarks(piece) else [way]
 
 
 def local_kinds(layout: Layout, dim: int) -> Layout:

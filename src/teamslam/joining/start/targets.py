@@ -1,4 +1,4 @@
-"""Targets placed where they were first seen whole: a pose by a relative pose, a point by a point or a range with bearing.
+"""Targets placed where they were first seen whole: poses by relative poses, points by points or ranges with bearings.
 
 What no single sighting fixes is left to `triangulate`.
 """

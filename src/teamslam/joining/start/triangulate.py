@@ -1,7 +1,7 @@
 """Landmarks that no single sighting fixes: placed from several bearings and ranges, where these hold them.
 
-    propose:  bearings want the point nearest to all rays, min sum |(1 - u u')(p - c)|^2 with sensors at c, rays u; ranges
-              |c|^2 - 2 c'p + |p|^2 = r^2 are linear in p and q = |p|^2 (spherical intersection); both at once
+    propose:  bearings want the point nearest to all rays, min sum |(1 - u u')(p - c)|^2 with sensors at c, rays u;
+              ranges, |c|^2 - 2 c'p + |p|^2 = r^2, are linear in p and q = |p|^2 (spherical intersection); all at once
     mirror:   ranges from places nearly in line (in space: in a plane) leave two answers, one on either side
     refine:   a few damped Gauss-Newton steps of each landmark by itself, from each proposal; the lower cost counts
     hold:     a place is taken where its worst standard deviation is below a share of its distance. Beyond that it may
@@ -114,7 +114,7 @@ class Bundle:
 
     def _on_either_side(self, places: Array) -> Array:
         """The places, and their mirrors; both as far off the line or plane of the sensors as the ranges say."""
-        n, d = places.shape
+        n = len(places)
         ranged = [rays for rays in self.rays if rays.table.model == "range"]
         if not ranged:
             return places[None]
@@ -165,7 +165,7 @@ class Bundle:
             np.minimum.at(nearest, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
             looked_at += np.bincount(rays.mark, minlength=n)
         least = np.linalg.eigvalsh(information)[:, 0] * self.seen / np.maximum(looked_at, 1.0)
-        return np.asarray(least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest)
+        return np.asarray((least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
 
 
 def _kinds_of(tables: Sequence[Table]) -> Layout:
@@ -252,5 +252,5 @@ def _whitened(rays: _Rays, places: Array) -> Array:
 def _summed(numbers: Array, of: IntArray, n: int) -> Array:
     """Rows (m, ...) added up by the group that each is of: (n, ...)."""
     flat = numbers.reshape(len(of), -1)
-    columns = [np.bincount(of, column, minlength=n) for column in flat.T]
+    columns = [np.asarray(np.bincount(of, column, minlength=n), float) for column in flat.T]
     return np.stack(columns, -1).reshape(n, *numbers.shape[1:])

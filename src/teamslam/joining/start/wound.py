@@ -7,8 +7,8 @@ the heading turns by a total angle phi, spread along the odometry as its varianc
 
     R_t -> R_t Exp(phi v_t a) ,    phi = k 2 pi / 3 ,  |phi| <= 3 sigma ,    v_t the share of step t, a a body axis
 
-Three starts to a basin, each as wide as a turn, and at most MOST bends each way: two turns. A way whose heading is known
-better than to 0.7 rad has one start.
+Three starts to a basin, each as wide as a turn, and at most MOST bends each way, which is two turns. A way whose
+heading is known better than to 0.7 rad has one start.
 Carlone & Censi, "From angular manifolds to the integer lattice" (T-RO 2014), count the same minima.
 """
 
