@@ -6,10 +6,16 @@ from dataclasses import replace
 import matplotlib
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
+from scipy.stats import chi2
 
 from teamslam.errors import InputError
+from teamslam.model import Values
 from teamslam.viz import (
     ErrorTrack,
     ResidualTrack,
@@ -22,6 +28,9 @@ from teamslam.viz import (
     draw_residuals,
     draw_residuals_by_landmark,
 )
+from teamslam.viz.frame import log_scale
+from teamslam.viz.space import region_wires
+from teamslam.viz.style import COLUMNS, saved, seen
 
 
 def texts(figure: Figure) -> str:
@@ -63,16 +72,49 @@ def test_a_map_without_truth_or_covariances_does_not_claim_them(scene: Scene) ->
 
 
 def test_ellipses_stand_where_the_estimate_is_and_have_the_size_of_the_covariance(scene_of) -> None:
-    """An outline for each landmark and each start but the base's, enlarged by the factor that the legend tells."""
+    """A region for each landmark and each start but the base's, enlarged by the factor that the legend tells."""
     scene = scene_of(2)
-    outlines = [p for p in draw_map(scene).axes[0].patches if isinstance(p, Ellipse) and p.get_alpha() is None]
-    assert len(outlines) == 5 + 2
-    key = int(scene.map.landmark_keys[0])
-    place = scene.map.all_values.positions(np.array(key), 2)
-    mine = next(p for p in outlines if np.allclose(p.center, place))
-    area = np.pi * mine.width * mine.height / 4.0 / scene.magnification(2) ** 2
-    expected = np.pi * -2.0 * np.log(0.05) * np.sqrt(np.linalg.det(scene.covariances[key][:2, :2]))
-    assert area == pytest.approx(expected)
+    figure = draw_map(scene)
+    FigureCanvasAgg(figure).draw()
+    axes = figure.axes[0]
+    drawn = [part for c in axes.collections if isinstance(c, EllipseCollection) for part in outlines(c, axes)]
+    starts = [scene.map.trajectory_keys(robot)[0] for robot in scene.robots]
+    keys = [int(key) for key in (*scene.map.landmark_keys, *starts) if key != scene.map.base]
+    assert len(drawn) == len(keys) == 5 + 2
+    for key in keys:
+        place = scene.map.all_values.positions(np.array(key), 2)
+        mine = min(drawn, key=lambda outline, place=place: np.linalg.norm(outline.mean(0) - place))
+        off = (mine - place) / scene.magnification(2)
+        squared = np.einsum("ni,ij,nj->n", off, np.linalg.inv(scene.covariances[key][:2, :2]), off)
+        np.testing.assert_allclose(squared, -2.0 * np.log(0.05), rtol=2e-3)
+
+
+def outlines(regions: EllipseCollection, axes: Axes) -> list[np.ndarray]:
+    """The ellipses of a collection as they are drawn, as points in the units of the axes."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
+    circle = np.stack([np.cos(turn), np.sin(turn)], -1)
+    assert regions.get_paths()[0].get_extents().size == pytest.approx([2.0, 2.0])
+    places = regions.get_offset_transform().transform(regions.get_offsets())
+    back = axes.transData.inverted()
+    shape = regions.get_transform()
+    return [
+        back.transform(place + shape.transform(circle @ each[:2, :2].T + each[:2, 2]))
+        for place, each in zip(places, regions.get_transforms(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("landmarks", [5, 300])
+def test_wires_in_space_lie_on_the_surfaces_of_the_regions(landmarks: int) -> None:
+    """Of few landmarks and of many."""
+    rng = np.random.default_rng(landmarks)
+    centres, root = rng.normal(0.0, 10.0, (landmarks, 3)), rng.normal(0.0, 1.0, (landmarks, 3, 3))
+    covariances = root @ np.swapaxes(root, -1, -2)
+    wires = region_wires(centres, covariances, 2.0).reshape(landmarks, -1, 3)
+    assert np.isnan(wires[:, -1]).all()  # lines of one region do not run to the next
+    off = (wires - centres[:, None]) / 2.0
+    squared = np.einsum("nki,nij,nkj->nk", off, np.linalg.inv(covariances), off)
+    np.testing.assert_allclose(squared[np.isfinite(squared)], chi2.ppf(0.95, 3), rtol=1e-6)
+    assert np.isfinite(squared).sum(1).min() >= 75
 
 
 def test_several_maps_stand_side_by_side_each_with_its_title_and_one_legend(scene_of) -> None:
@@ -175,3 +217,90 @@ def test_residuals_are_drawn_by_landmark() -> None:
     assert "40 of 60 landmarks whose residuals are largest" in texts(draw_residuals_by_landmark(many))
     with pytest.raises(InputError):
         draw_residuals_by_landmark([])
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(4 * COLUMNS + 1, 6 * COLUMNS),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.0, 0.01, 1.0]),
+)
+def test_of_a_long_curve_all_that_an_eye_can_see_is_drawn(count: int, seed: int, unknown: float) -> None:
+    """The first and last stamps, and in every stretch the lowest and highest value; nothing else."""
+    rng = np.random.default_rng(seed)
+    x = np.sort(rng.choice([rng.uniform(0.0, 1e6, count), np.arange(count) * 0.1]))
+    y = np.where(rng.uniform(size=count) < unknown, np.nan, rng.normal(size=count))
+    few_x, few_y = seen(x, y)
+    assert len(few_x) <= 2 * COLUMNS
+    place = np.searchsorted(x, few_x)
+    assert (np.diff(few_x) >= 0.0).all() and (x[place] == few_x).all()
+    column = np.minimum((x - x[0]) * (COLUMNS / (x[-1] - x[0])), COLUMNS - 1).astype(int)
+    few_column = np.minimum((few_x - x[0]) * (COLUMNS / (x[-1] - x[0])), COLUMNS - 1).astype(int)
+    for stretch in rng.choice(np.unique(column), 20):
+        mine, drawn = y[column == stretch], few_y[few_column == stretch]
+        assert np.isnan(drawn).any() or np.nanmin(drawn) == mine.min()
+        known = mine[np.isfinite(mine)]
+        assert not len(known) or np.nanmax(drawn) == known.max()
+
+
+def test_a_short_curve_is_drawn_as_it_is() -> None:
+    x = np.arange(4.0 * COLUMNS)
+    assert seen(x, x)[0] is x
+    assert seen(np.zeros(10 * COLUMNS), np.zeros(10 * COLUMNS))[0].size == 10 * COLUMNS
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-12.0, 12.0), st.floats(np.log10(3.0), 9.0))
+def test_a_logarithmic_scale_has_labels_that_say_the_values_of_their_ticks(low: float, decades: float) -> None:
+    """In plain letters, whatever it spans."""
+    axes = Figure().add_subplot()
+    log_scale(axes)
+    axes.plot([0, 1], [10.0**low, 10.0 ** (low + decades)])
+    image(axes.figure)
+    ticks = [*axes.yaxis.get_major_ticks(), *axes.yaxis.get_minor_ticks()]
+    limits = axes.get_ylim()
+    said = {t.get_loc(): t.label1.get_text() for t in ticks if limits[0] <= t.get_loc() <= limits[1]}
+    labels = {value: text for value, text in said.items() if text}
+    assert labels
+    letters = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+    for value, text in labels.items():
+        times, _, power = text.rpartition("10")
+        assert float(times.rstrip("×") or 1.0) * 10.0 ** int(power.translate(letters)) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-3, 1.0, 1e3, 1e7])
+@pytest.mark.parametrize("robots", [1, 8])
+def test_nothing_stands_outside_a_figure(scene_of, size: float, robots: int) -> None:
+    """Numbers of any size, long names, long captions."""
+    rng = np.random.default_rng(0)
+    many = [
+        ErrorTrack(f"tractor {k} of mine", np.arange(50.0) * size, size * rng.normal(size=(50, 3)),
+                   np.full((50, 3), size), size * rng.chisquare(3, 50))
+        for k in range(robots)
+    ]  # fmt: skip
+    scene = scene_of(2)
+    values = scene.map.values
+    grown = Values(values.layout, np.where(np.abs(values.state) > 1.0, size * values.state, values.state))
+    caption = "a line of words\nand another"
+    figures = [
+        draw_errors(many, caption=caption), draw_consistency(many, caption=caption),
+        draw_map(replace(scene, map=replace(scene.map, values=grown), covariances={}, truth=None, caption=caption)),
+    ]  # fmt: skip
+    for figure in figures:
+        figure.canvas.draw()
+        box = figure.get_tightbbox()
+        width, height = figure.get_size_inches()
+        assert box.x0 >= -0.02 and box.y0 >= -0.02 and box.x1 <= width + 0.02 and box.y1 <= height + 0.02
+
+
+def test_a_picture_is_as_large_as_its_figure(scene: Scene) -> None:
+    """In dots per inch as asked for."""
+    from matplotlib.image import imread
+
+    figure = draw_map(scene)
+    for dpi in (None, 50):
+        file = io.BytesIO()
+        saved(figure, file, dpi=dpi)
+        file.seek(0)
+        height, width, _ = imread(file).shape
+        assert (width, height) == pytest.approx(figure.get_size_inches() * (dpi or 160), abs=1.0)

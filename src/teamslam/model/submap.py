@@ -113,7 +113,7 @@ class Submap:
         """Unknowns."""
         return self.values.layout.dof
 
-    @property
+    @cached_property
     def keys(self) -> IntArray:
         """The variables, the base pose included, sorted."""
         return np.sort(np.append(self.values.layout.keys, self.base))
@@ -123,7 +123,7 @@ class Submap:
         """The robots whose measurements it holds."""
         return tuple(sorted({stretch.robot for stretch in self.sources}))
 
-    @property
+    @cached_property
     def robots_in_it(self) -> tuple[int, ...]:
         """The robots that have a pose in it, rising."""
         return tuple(int(robot) for robot in np.unique(robot_of(self.keys)) if robot > 0)
@@ -139,7 +139,7 @@ class Submap:
         keys = self.keys
         return np.asarray(keys[is_pose(keys) & (robot_of(keys) == robot)])
 
-    @property
+    @cached_property
     def landmark_keys(self) -> IntArray:
         """The keys of its landmarks."""
         keys = self.keys

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.viz.frame import log_scale
 from teamslam.viz.style import INK, METHOD_COLOURS, METHOD_NAMES, plain, robot_colour, styled
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def _cost_axes(axes: "Axes", costs: Mapping[str, Sequence[float]]) -> None:
         axes.plot(np.arange(len(cost)), cost, label=f"{plain(line, 60)}: {cost[-1]:.6g}", **look)
     values = [c for cost in costs.values() for c in cost]
     if min(values, default=0.0) > 0.0 and max(values) > 3.0 * min(values):
-        axes.set_yscale("log")
+        log_scale(axes)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("iteration taken")
     axes.legend(title="at the end")

@@ -13,8 +13,9 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array
 from teamslam.model import chi2_quantile
+from teamslam.viz.frame import legend_beside, log_scale, panel, panels
 from teamslam.viz.scene import CONFIDENCE
-from teamslam.viz.style import INK, QUIET, name, plain, robot_colour, styled
+from teamslam.viz.style import INK, QUIET, name, robot_colour, seen, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,24 +61,18 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
     """
     if not tracks:
         raise InputError("no errors to draw: the truth of no robot is known")
-    from matplotlib.figure import Figure
-
     shown, some = _shown(tracks)
     rows = list(dict.fromkeys(label for track in shown for label in track.axes))
-    above = plain("\n".join(filter(None, (caption, some))), 400).split("\n") if caption or some else []
-    size = (min(1.6 + 2.3 * len(shown), 14.0), 1.1 + 1.35 * len(rows))
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(rows), len(shown), sharex="col", sharey="row", squeeze=False)
+    above = "\n".join(filter(None, (caption, some)))
+    headings = [f"robot {name(track.robot)}: {_within(track):.1%} within" for track in shown]
+    head = title or "Errors along the way, with 3-sigma bands"
+    figure, grid = panels(len(rows), headings, row_height=1.25, title=head, caption=above)
     for column, track in enumerate(shown):
         for axes, label in zip(grid[:, column], rows, strict=True):
             if label in track.axes:
                 _error_axes(axes, track, track.axes[label], robot_colour(list(tracks).index(track)))
             else:
                 axes.set_axis_off()
-        inside = float(np.mean(np.abs(track.error) <= 3.0 * track.sigma))
-        lines = [*(above if column == 0 else [""] * len(above)), f"robot {name(track.robot)}: {inside:.1%} within"]
-        small = 8.5 if len(shown) < 6 else 6.5
-        grid[0, column].set_title("\n".join(lines), fontsize=small, fontweight="normal", color=INK)
         last = grid[max(rows.index(label) for label in track.axes), column]
         last.set_xlabel(time)
         last.tick_params(labelbottom=True)
@@ -85,17 +80,22 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
         axes[0].set_ylim(*_limits([(track, track.axes[label]) for track in shown if label in track.axes]))
         first = next(column for column, track in enumerate(shown) if label in track.axes)
         axes[first].set_ylabel(label)
-    figure.suptitle(plain(title or "Errors along the way, with 3-sigma bands"), x=0.01, ha="left")
     return figure
 
 
+def _within(track: ErrorTrack) -> float:
+    """The share of the errors within three of their standard deviations."""
+    return float(np.mean(np.abs(track.error) <= 3.0 * track.sigma))
+
+
 def _error_axes(axes: "Axes", track: ErrorTrack, number: int, colour: str) -> None:
-    band = 3.0 * track.sigma[:, number]
-    axes.fill_between(track.stamps_s, -band, band, color=colour, alpha=0.15, lw=0, label="3 sigma")
+    stamps, band = seen(track.stamps_s, 3.0 * track.sigma[:, number])
+    axes.fill_between(stamps, -band, band, color=colour, alpha=0.15, lw=0, label="3 sigma")
     for edge in (band, -band):
-        axes.plot(track.stamps_s, edge, color=colour, lw=0.5, alpha=0.6, marker=track.mark, ms=2.0)
+        axes.plot(stamps, edge, color=colour, lw=0.5, alpha=0.6, marker=track.mark, ms=2.0)
     axes.axhline(0.0, color=QUIET, lw=0.6)
-    axes.plot(track.stamps_s, track.error[:, number], color=colour, lw=0.9, marker=track.mark, ms=4.0, label="error")
+    stamps, error = seen(track.stamps_s, track.error[:, number])
+    axes.plot(stamps, error, color=colour, lw=0.9, marker=track.mark, ms=4.0, label="error")
 
 
 def _limits(columns: Sequence[tuple[ErrorTrack, int]]) -> tuple[float, float]:
@@ -114,28 +114,24 @@ def draw_consistency(tracks: Sequence[ErrorTrack], title: str = "", caption: str
     """
     if not tracks:
         raise InputError("no NEES to draw: the truth of no robot is known")
-    from matplotlib.figure import Figure
-
     shown, some = _shown(tracks)
-    figure = Figure(figsize=(6.8, 3.9), layout="constrained")
-    axes = figure.add_subplot()
+    head = title or "Consistency: honest covariances keep NEES / dof near 1"
+    figure, axes = panel((6.8, 3.9), head, "\n".join(filter(None, (caption, some))))
     for track in shown:
         label = f"robot {name(track.robot)}: {float(np.nanmean(track.nees)):.2f}"
         colour = robot_colour(list(tracks).index(track))
-        axes.plot(track.stamps_s, track.nees, color=colour, lw=0.9, marker=track.mark, ms=4.0, label=label)
+        axes.plot(*seen(track.stamps_s, track.nees), color=colour, lw=0.9, marker=track.mark, ms=4.0, label=label)
     axes.axhline(1.0, color=QUIET, lw=0.8)
     dofs = sorted({track.dof for track in shown})
     for dof, dashes in zip(dofs, ("--", ":"), strict=False):
         which = "" if len(dofs) == 1 else f" ({dof} numbers)"
         bound = chi2_quantile(CONFIDENCE, dof) / dof
         axes.axhline(bound, color=INK, lw=0.9, ls=dashes, label=f"{CONFIDENCE:.0%} bound\nof one pose{which}")
-    axes.set_yscale("log")
+    log_scale(axes)
     axes.set_ylim(bottom=min(1e-2, max(min(float(np.nanmin(track.nees)) for track in shown), 1e-6)))
     axes.set_xlabel(time)
     axes.set_ylabel("NEES / dof")
-    axes.set_title(plain("\n".join(filter(None, (caption, some))), 400), fontsize=8.5, fontweight="normal", color=INK)
-    figure.legend(title="mean", loc="outside right center")
-    figure.suptitle(plain(title or "Consistency: honest covariances keep NEES / dof near 1"), x=0.01, ha="left")
+    legend_beside(figure, title="mean")
     return figure
 
 

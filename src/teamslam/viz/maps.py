@@ -17,6 +17,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.model import WORLD
+from teamslam.viz.frame import legend_beside, panel
 from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
 from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, name, plain, robot_colour, styled
@@ -31,28 +32,31 @@ if TYPE_CHECKING:
 @styled
 def draw_map(scene: Scene) -> "Figure":
     """A map of the whole team, from above or in space as the robots move; a new Figure, neither shown nor saved."""
+    method = METHOD_NAMES.get(scene.method, scene.method)
+    who = f"{len(scene.robots)} robot" + "s" * (len(scene.robots) != 1)
+    title = scene.title or f"Map of {who} by {method}"
+    caption = "\n".join(filter(None, (scene.caption, frame_name(scene))))
+    return _in_space(scene, title, caption) if scene.is_spatial else _from_above(scene, title, caption)
+
+
+def _from_above(scene: Scene, title: str, caption: str) -> "Figure":
+    figure, axes = panel((7.4, 5.8), title, caption)
+    plan_axes(axes, scene)
+    legend_beside(figure, *legend_entries(axes))
+    return figure
+
+
+def _in_space(scene: Scene, title: str, caption: str) -> "Figure":
     from matplotlib.figure import Figure
 
     from teamslam.viz.space import space_axes
 
     figure = Figure(figsize=(7.4, 5.8), layout="constrained")
-    axes: Any
-    if scene.is_spatial:
-        axes = figure.add_subplot(projection="3d")
-        space_axes(axes, scene)
-    else:
-        axes = figure.add_subplot()
-        plan_axes(axes, scene)
-    method = METHOD_NAMES.get(scene.method, scene.method)
-    who = f"{len(scene.robots)} robot" + "s" * (len(scene.robots) != 1)
-    figure.suptitle(plain(scene.title or f"Map of {who} by {method}"), x=0.01, ha="left")
-    caption = "\n".join(filter(None, (scene.caption, frame_name(scene))))
+    axes: Any = figure.add_subplot(projection="3d")
+    space_axes(axes, scene)
+    figure.suptitle(plain(title), x=0.01, ha="left")
     axes.set_title(plain(caption, 240), loc="left", fontsize=8.5, fontweight="normal", color=INK)
-    handles, labels = legend_entries(axes)
-    if scene.is_spatial:
-        figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    else:
-        figure.legend(handles, labels, loc="outside right center")
+    figure.legend(*legend_entries(axes), loc="outside lower center", ncols=4)
     return figure
 
 
@@ -100,8 +104,8 @@ def plan_axes(axes: "Axes", scene: Scene) -> None:
                   zorder=3, label=f"robot {name(scene.map.names.robot(robot))}")  # fmt: skip
         axes.plot(*path[-1], marker="s", ms=4.5, color=colour, mec="white", mew=0.6, zorder=5)
         _frame(axes, scene, robot, colour)
-        _region(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
-    _region(axes, scene, scene.map.landmark_keys, LANDMARK_COLOUR)
+        _regions(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
+    _regions(axes, scene, scene.map.landmark_keys, LANDMARK_COLOUR)
     draw_landmarks(axes, scene, 2)
     explain(axes, scene, 2)
     axes.set_xlabel("x [m]")
@@ -145,13 +149,17 @@ def _frame(axes: "Axes", scene: Scene, robot: int, colour: str) -> None:
     axes.plot(*start, marker="o", ms=5, color=colour, mec="white", mew=0.8, zorder=7)
 
 
-def _region(axes: "Axes", scene: Scene, keys: IntArray, colour: str) -> None:
-    from matplotlib.patches import Ellipse
+def _regions(axes: "Axes", scene: Scene, keys: IntArray, colour: str) -> None:
+    from matplotlib.collections import EllipseCollection
 
-    scale = scene.magnification(2)
-    for centre, covariance in scene.regions(keys, 2):
-        (minor, major), vectors = shape_of(covariance)
-        angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-        for look in ({"fc": colour, "alpha": 0.16, "lw": 0}, {"fc": "none", "ec": colour, "lw": 0.9}):
-            middle = (float(centre[0]), float(centre[1]))
-            axes.add_patch(Ellipse(middle, 2 * scale * major, 2 * scale * minor, angle=angle, zorder=4, **look))
+    centres, covariances = scene.regions(keys, 2)
+    radii, vectors = shape_of(covariances)
+    minor, major = 2.0 * scene.magnification(2) * radii.T
+    angles = np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1]))
+    axes.add_collection(
+        EllipseCollection(major, minor, angles, units="xy", offsets=centres, offset_transform=axes.transData,
+                          facecolors=(colour, 0.16), edgecolors=colour, linewidths=0.9, zorder=4),
+        autolim=False,
+    )  # fmt: skip
+    reach = 0.5 * np.sqrt(np.square(vectors) @ np.square(np.stack([minor, major], -1))[..., None])[..., 0]
+    axes.update_datalim(np.concatenate([centres - reach, centres + reach]))

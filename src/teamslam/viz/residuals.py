@@ -13,6 +13,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
 from teamslam.viz.errors import MOST_ROBOTS, TIME
+from teamslam.viz.frame import legend_beside, log_scale, panel, panels
 from teamslam.viz.style import INK, QUIET, name, plain, robot_colour, robot_marker, styled
 
 if TYPE_CHECKING:
@@ -46,16 +47,18 @@ def draw_residuals(tracks: Sequence[ResidualTrack], title: str = "", caption: st
     """
     if not tracks:
         raise InputError("no residuals to draw: the verdict rests on no rows")
-    from matplotlib.figure import Figure
-
     robots, some = _shown(tracks)
     sources = list(dict.fromkeys(track.source for track in tracks))
-    figure = Figure(figsize=(min(1.6 + 2.3 * len(robots), 14.0), 1.1 + 1.5 * len(sources)), layout="constrained")
-    grid = figure.subplots(len(sources), len(robots), sharex=True, sharey=True, squeeze=False)
+    figure, grid = panels(
+        len(sources),
+        [f"robot {name(robot)}" for robot in robots],
+        row_height=1.4,
+        title=title or "Residuals over time",
+        caption="\n".join(filter(None, (caption, some))),
+    )
     colours = _colours(tracks)
     top = max(float(track.size.max(initial=1.0)) for track in tracks)
     for column, robot in enumerate(robots):
-        grid[0, column].set_title(f"robot {name(robot)}", fontsize=8.5)
         grid[-1, column].set_xlabel(time)
         for axes, source in zip(grid[:, column], sources, strict=True):
             _over_time(
@@ -63,10 +66,8 @@ def draw_residuals(tracks: Sequence[ResidualTrack], title: str = "", caption: st
             )
     for axes, source in zip(grid[:, 0], sources, strict=True):
         axes.set_ylabel(f"{plain(source, 30)} [sigma]")
-    grid[0, 0].set_yscale("log")
-    grid[0, 0].set_ylim(LEAST, 2.0 * max(top, 5.0))
-    lines = (title or "Residuals over time", caption, some)
-    figure.suptitle(plain("\n".join(filter(None, lines)), 400), x=0.01, ha="left")
+        log_scale(axes)
+        axes.set_ylim(LEAST, 2.0 * max(top, 5.0))
     return figure
 
 
@@ -99,13 +100,12 @@ def draw_residuals_by_landmark(tracks: Sequence[ResidualTrack], title: str = "",
     """
     if not tracks:
         raise InputError("no residuals to draw: no landmark was seen")
-    from matplotlib.figure import Figure
-
     by_landmark = _sizes(tracks, [0] * len(tracks))
     order = sorted({mark for mark, _ in by_landmark}, key=lambda mark: -float(np.median(by_landmark[mark, 0])))
     shown = {mark: place for place, mark in enumerate(order[:MOST_LANDMARKS])}
-    figure = Figure(figsize=(2.8 + 0.22 * len(shown), 3.9), layout="constrained")
-    axes = figure.add_subplot()
+    some = f"drawn: the {len(shown)} of {len(order)} landmarks whose residuals are largest"
+    lines = filter(None, (caption, some if len(order) > len(shown) else ""))
+    figure, axes = panel((2.8 + 0.22 * len(shown), 3.9), title or "Residuals by landmark", "\n".join(lines))
     axes.axhline(1.0, color=QUIET, lw=0.7)
     bars = np.array([np.quantile(by_landmark[mark, 0], [0.1, 0.9]) for mark in shown])
     axes.vlines(range(len(shown)), *bars.T, color=QUIET, lw=3.0, alpha=0.5)
@@ -116,14 +116,11 @@ def draw_residuals_by_landmark(tracks: Sequence[ResidualTrack], title: str = "",
         look: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "white", "mew": 0.4, "label": f"robot {name(robot)}"}
         across = np.array(points).reshape(-1, 2).T
         axes.plot(*across, marker=robot_marker(colour), color=robot_colour(colour), **look)
-    axes.set_yscale("log")
+    log_scale(axes)
     axes.set_xticks(range(len(shown)), [name(mark.removeprefix("landmark ")) for mark in shown], rotation=90)
     axes.set_xlabel("landmark")
     axes.set_ylabel("size of residuals [sigma]")
-    figure.legend(title="median of", loc="outside right center")
-    some = f"drawn: the {len(shown)} of {len(order)} landmarks whose residuals are largest"
-    lines = (title or "Residuals by landmark", caption, some if len(order) > len(shown) else "")
-    figure.suptitle(plain("\n".join(filter(None, lines)), 400), x=0.01, ha="left")
+    legend_beside(figure, title="median of")
     return figure
 
 

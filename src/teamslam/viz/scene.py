@@ -58,16 +58,15 @@ class Scene:
         step = max(1, -(-len(known) // most))
         return known[::step], step
 
-    def regions(self, keys: IntArray, dim: int) -> list[tuple[Array, Array]]:
-        """Centres (dim,) and position covariances (dim, dim) of the variables whose covariance is known."""
-        found = []
-        for key in (int(k) for k in keys if int(k) in self.covariances):
-            layout = self.map.all_values.layout
-            d = min(dim, 2 + int(layout.kinds[layout.index(key)]) % 2)
-            block = np.zeros((dim, dim))
-            block[:d, :d] = np.asarray(self.covariances[key])[:d, :d]
-            found.append((self.map.all_values.positions(np.array(key), dim), block))
-        return found
+    def regions(self, keys: IntArray, dim: int) -> tuple[Array, Array]:
+        """Centres (n, dim) and position covariances (n, dim, dim) of the variables whose covariance is known."""
+        values = self.map.all_values
+        known = np.array([key for key in keys.tolist() if key in self.covariances], np.int64)
+        blocks = np.zeros((len(known), dim, dim))
+        dims = np.minimum(2 + values.layout.kinds[values.layout.index(known)] % 2, dim)
+        for block, key, d in zip(blocks, known.tolist(), dims.tolist(), strict=True):
+            block[:d, :d] = self.covariances[key][:d, :d]
+        return values.positions(known, dim), blocks
 
     def has_regions(self, dim: int) -> bool:
         """Whether any region is drawn: of landmarks, and seen from above of the robots' starts too."""
@@ -82,12 +81,14 @@ class Scene:
 
     def magnification(self, dim: int) -> int:
         """How many times larger regions are drawn so that the eye finds them; the legend says so."""
-        sizes = [np.linalg.eigvalsh(c)[-1] for _, c in self.regions(self.map.landmark_keys, dim)]
-        large = np.sqrt(max(float(np.quantile(sizes, 0.9)), 0.0) * chi2_quantile(CONFIDENCE, dim)) if sizes else 0.0
-        return next((k for k in FACTORS if 0.0 < k * large <= 0.04 * self.extent(dim)), 1)
+        radii, _ = shape_of(self.regions(self.map.landmark_keys, dim)[1])
+        large = float(np.quantile(radii[:, -1], 0.9)) if len(radii) else 0.0
+        most = 0.04 * self.extent(dim)
+        return next((k for k in FACTORS if 0.0 < k * large <= most), 1)
 
 
 def shape_of(covariance: Array, confidence: float = CONFIDENCE) -> tuple[Array, Array]:
-    """Radii (d,) [m], rising, and axes (d, d), in columns, of the region that holds a Gaussian with `confidence`."""
+    """Radii (..., d) [m], rising, and axes (..., d, d), in columns, of the region that holds a Gaussian of `covariance`
+    (..., d, d) with `confidence`."""
     values, vectors = np.linalg.eigh(covariance)
-    return np.sqrt(np.maximum(values, 0.0) * chi2_quantile(confidence, len(covariance))), vectors
+    return np.sqrt(np.maximum(values, 0.0) * chi2_quantile(confidence, covariance.shape[-1])), vectors

@@ -1,4 +1,4 @@
-"""Maps in space: as `maps`, with 95 % ellipsoids as wire balls."""
+"""Maps in space: as `maps`, with 95 % ellipsoids as wire balls; of many, the great circles about their axes."""
 
 from typing import Any
 
@@ -8,6 +8,8 @@ from teamslam.geometry import Array
 from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, name, robot_colour
+
+MOST_BALLS = 200  # drawn with meridians and parallels: of more, these would be one grey
 
 
 def space_axes(axes: Any, scene: Scene) -> None:
@@ -20,9 +22,8 @@ def space_axes(axes: Any, scene: Scene) -> None:
         axes.plot(*path[:1].T, ls="none", marker="o", ms=5, color=colour, mec="white", mew=0.6)
         axes.plot(*path[-1:].T, ls="none", marker="s", ms=4.5, color=colour, mec="white", mew=0.6)
     draw_landmarks(axes, scene, 3)
-    for centre, covariance in scene.regions(scene.map.landmark_keys, 3):
-        ball = _ellipsoid(centre, covariance, scene.magnification(3))
-        axes.plot_wireframe(*ball, color=LANDMARK_COLOUR, lw=0.35, alpha=0.6)
+    wires = region_wires(*scene.regions(scene.map.landmark_keys, 3), scene.magnification(3))
+    axes.plot(*wires.T, color=LANDMARK_COLOUR, lw=0.35, alpha=0.6)
     explain(axes, scene, 3)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
@@ -32,12 +33,25 @@ def space_axes(axes: Any, scene: Scene) -> None:
         axis.pane.fill = False
 
 
-def _ellipsoid(centre: Array, covariance: Array, scale: float) -> Array:
-    """A grid on the surface of the region, (3, 13, 7)."""
+def region_wires(centres: Array, covariances: Array, scale: float) -> Array:
+    """Lines on the surfaces of regions, one after another with a break (nan) after each: (points, 3)."""
+    radii, axes = shape_of(covariances)
+    lines = _meridians_and_parallels() if len(centres) <= MOST_BALLS else _great_circles()
+    ends = np.cumsum([len(line) for line in lines])
+    points = centres[:, None] + np.concatenate(lines) @ np.swapaxes(axes * radii[:, None] * scale, -1, -2)
+    return np.insert(points, ends, np.nan, axis=1).reshape(-1, 3)
+
+
+def _meridians_and_parallels() -> list[Array]:
     u, v = np.mgrid[0 : 2 * np.pi : 13j, 0 : np.pi : 7j]
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], -1)
-    radii, vectors = shape_of(covariance)
-    return np.moveaxis(centre + ball @ (vectors * radii * scale).T, -1, 0)
+    return [*ball, *np.swapaxes(ball, 0, 1)]
+
+
+def _great_circles() -> list[Array]:
+    u = np.linspace(0.0, 2.0 * np.pi, 25)
+    circle = np.stack([np.cos(u), np.sin(u), np.zeros_like(u)], -1)
+    return [np.roll(circle, axis, -1) for axis in range(3)]
 
 
 def _equal_scale(axes: Any) -> None:

@@ -1,0 +1,88 @@
+"""What stands around the curves of a figure: titles, margins, a legend beside them, scales.
+
+Margins are fixed, in inches. For matplotlib to find them, by measuring all that stands on the axes, takes longer than
+to draw it; only a legend is measured.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from teamslam.viz.style import INK, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LEFT, RIGHT, BOTTOM, BETWEEN = 0.72, 0.12, 0.46, 0.14
+TITLE_LINE, CAPTION_LINE, ROOM = 0.18, 0.145, 0.15
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def panel(size: tuple[float, float], title: str, caption: str) -> "tuple[Figure, Axes]":
+    """A figure with one panel, and a caption above it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size)
+    axes = figure.add_subplot()
+    lines = len(caption.split("\n")) if caption else 0
+    axes.set_title(plain(caption, 400), fontsize=8.5, fontweight="normal", color=INK)
+    _margins(figure, title, ROOM + CAPTION_LINE * lines)
+    return figure, axes
+
+
+def panels(rows: int, headings: Sequence[str], *, row_height: float, title: str, caption: str) -> "tuple[Figure, Any]":
+    """A figure with panels (rows, columns) that share the axes of their row and column; a column for each heading."""
+    from matplotlib.figure import Figure
+
+    columns = len(headings)
+    lines = [*filter(None, plain(caption, 400).split("\n")), headings[0]]
+    across, above = min(2.3, 13.0 / columns), ROOM + CAPTION_LINE * len(lines)
+    height = 0.06 + TITLE_LINE * len(title.split("\n")) + above + rows * row_height + BOTTOM
+    figure = Figure(figsize=(LEFT + across * columns + RIGHT, height))
+    grid = figure.subplots(rows, columns, sharex="col", sharey="row", squeeze=False)
+    for axes, heading in zip(grid[0], ("\n".join(lines), *headings[1:]), strict=True):
+        axes.set_title(heading, fontsize=8.5 if columns < 6 else 6.5, fontweight="normal", color=INK)
+    for axes in grid.flat:
+        axes.locator_params(nbins=4)
+    figure.subplots_adjust(wspace=BETWEEN / across, hspace=BETWEEN / row_height)
+    _margins(figure, title, above)
+    return figure, grid
+
+
+def _margins(figure: "Figure", title: str, above: float) -> None:
+    """The title, and the margins, with so much room [inches] between it and the axes."""
+    width, height = figure.get_size_inches()
+    figure.suptitle(plain(title, 400), x=0.01, y=1.0 - 0.06 / height, ha="left")
+    top = 0.06 + TITLE_LINE * len(title.split("\n")) + above
+    figure.subplots_adjust(LEFT / width, BOTTOM / height, 1.0 - RIGHT / width, 1.0 - top / height)
+
+
+def legend_beside(figure: "Figure", *handles_and_labels: Any, title: str | None = None) -> None:
+    """A legend to the right of the axes, which make room for it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    legend = figure.legend(*handles_and_labels, title=title, loc="center right", bbox_to_anchor=(1.0, 0.5))
+    canvas = FigureCanvasAgg(figure)
+    measured = legend.get_window_extent(canvas.get_renderer())  # type: ignore[no-untyped-call]
+    figure.subplots_adjust(right=1.0 - measured.width / figure.bbox.width - 0.02)
+
+
+def log_scale(axes: "Axes") -> None:
+    """A logarithmic y axis whose labels are plain letters: as mathematics, each takes as long as a curve."""
+    from matplotlib.ticker import LogFormatter, LogLocator
+
+    class Powers(LogFormatter):
+        """10⁻², and between powers, where there is room, 2×10⁻²."""
+
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            if not super().__call__(x, pos):
+                return ""
+            power = math.floor(math.log10(x) + 1e-9)
+            times = f"{x / 10.0**power:g}×"
+            return f"{'' if times == '1×' else times}10{str(power).translate(RAISED)}"
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(Powers())
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axes.yaxis.set_minor_formatter(Powers(labelOnlyBase=False))
