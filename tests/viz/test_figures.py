@@ -285,6 +285,8 @@ def test_nothing_stands_outside_a_figure(scene_of, size: float, robots: int) -> 
     figures = [
         draw_errors(many, caption=caption), draw_consistency(many, caption=caption),
         draw_map(replace(scene, map=replace(scene.map, values=grown), covariances={}, truth=None, caption=caption)),
+        draw_residuals(left(robots), caption=caption),
+        draw_residuals_by_landmark([replace(t, targets=("door of the north wing",) * 3) for t in left(robots)[1::2]]),
     ]  # fmt: skip
     for figure in figures:
         figure.canvas.draw()

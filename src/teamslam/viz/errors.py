@@ -64,7 +64,8 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
     shown, some = _shown(tracks)
     rows = list(dict.fromkeys(label for track in shown for label in track.axes))
     above = "\n".join(filter(None, (caption, some)))
-    headings = [f"robot {name(track.robot)}: {_within(track):.1%} within" for track in shown]
+    most = 30 if len(shown) < 6 else 12
+    headings = [f"robot {name(track.robot, most)}: {_within(track):.1%} within" for track in shown]
     head = title or "Errors along the way, with 3-sigma bands"
     figure, grid = panels(len(rows), headings, row_height=1.25, title=head, caption=above)
     for column, track in enumerate(shown):

@@ -37,7 +37,7 @@ def panels(rows: int, headings: Sequence[str], *, row_height: float, title: str,
 
     columns = len(headings)
     lines = [*filter(None, plain(caption, 400).split("\n")), headings[0]]
-    across, above = min(2.3, 13.0 / columns), ROOM + CAPTION_LINE * len(lines)
+    across, above = max(min(2.3, 13.0 / columns), 3.0 / columns), ROOM + CAPTION_LINE * len(lines)
     height = 0.06 + TITLE_LINE * len(title.split("\n")) + above + rows * row_height + BOTTOM
     figure = Figure(figsize=(LEFT + across * columns + RIGHT, height))
     grid = figure.subplots(rows, columns, sharex="col", sharey="row", squeeze=False)
@@ -56,6 +56,11 @@ def _margins(figure: "Figure", title: str, above: float) -> None:
     figure.suptitle(plain(title, 400), x=0.01, y=1.0 - 0.06 / height, ha="left")
     top = 0.06 + TITLE_LINE * len(title.split("\n")) + above
     figure.subplots_adjust(LEFT / width, BOTTOM / height, 1.0 - RIGHT / width, 1.0 - top / height)
+
+
+def room_below(figure: "Figure", letters: int) -> None:
+    """Room for labels of so many letters that stand upright below the axes."""
+    figure.subplots_adjust(bottom=(BOTTOM + 0.08 * letters) / figure.get_figheight())
 
 
 def legend_beside(figure: "Figure", *handles_and_labels: Any, title: str | None = None) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
 from teamslam.viz.errors import MOST_ROBOTS, TIME
-from teamslam.viz.frame import legend_beside, log_scale, panel, panels
+from teamslam.viz.frame import legend_beside, log_scale, panel, panels, room_below
 from teamslam.viz.style import INK, QUIET, name, plain, robot_colour, robot_marker, styled
 
 if TYPE_CHECKING:
@@ -117,7 +117,9 @@ def draw_residuals_by_landmark(tracks: Sequence[ResidualTrack], title: str = "",
         across = np.array(points).reshape(-1, 2).T
         axes.plot(*across, marker=robot_marker(colour), color=robot_colour(colour), **look)
     log_scale(axes)
-    axes.set_xticks(range(len(shown)), [name(mark.removeprefix("landmark ")) for mark in shown], rotation=90)
+    names = [name(mark.removeprefix("landmark ")) for mark in shown]
+    axes.set_xticks(range(len(shown)), names, rotation=90)
+    room_below(figure, max(map(len, names)))
     axes.set_xlabel("landmark")
     axes.set_ylabel("size of residuals [sigma]")
     legend_beside(figure, title="median of")
