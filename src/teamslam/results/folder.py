@@ -75,7 +75,8 @@ def write_record(record: Record, config: Config, folder: Path) -> None:
     for covariances in record.covariances:
         covariances.all  # noqa: B018  # computed once, before several tables ask
     with whole_folder(folder) as draft, ThreadPoolExecutor() as pool:
-        write_config(config, draft / "config.toml")
+        with named(draft / "config.toml"):
+            write_config(config, draft / "config.toml")
         list(pool.map(write, FILES))
 
 

@@ -64,13 +64,27 @@ def write(dataset: Dataset, path: Path) -> tuple[Dropped, ...]:
     if dataset.dropped:
         team["dropped"] = [{"count": left.count, "reason": left.reason} for left in dataset.dropped]
     files[FILE] = tomli_w.dumps(team)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8", newline="")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror or error}", path=folder) from None
+    _write(files, folder)
     return ()
+
+
+def _write(files: dict[str, str], folder: Path) -> None:
+    """All files, or where one cannot be written none of those that were not there before."""
+    made, fresh = [], not folder.exists()
+    for name, text in files.items():
+        path = folder / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            made += [] if path.exists() else [path]
+            path.write_text(text, encoding="utf-8", newline="")
+        except BaseException as error:
+            for written in made:
+                written.unlink(missing_ok=True)
+            if fresh and folder.is_dir():
+                folder.rmdir()
+            if isinstance(error, OSError):
+                raise InputError(f"cannot be written: {error.strerror or error}", path=path) from None
+            raise
 
 
 def lacks(dataset: Dataset) -> str | None:
