@@ -82,6 +82,9 @@ def test_a_folder_around_a_log_points_to_it(tmp_path: Path) -> None:
     write(team("2d", poses=4), tmp_path / "unpacked" / "log", "plain")
     with pytest.raises(InputError, match="the folder is none, but log in it is; give that"):
         read(tmp_path / "unpacked")
+    write(team("2d", poses=4), tmp_path / "other" / "team.pyfg", "pyfg")
+    with pytest.raises(InputError, match=r"the folder is none, but team\.pyfg in it is; give that"):
+        read(tmp_path / "other")
 
 
 def test_submaps_are_no_log(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def test_every_measurement_finds_its_way(model: str, dim: int, target: str, sens
         assert _rows(found) == _rows(log), name
         others = [t for t in found.tables if (t.model, t.sensor is None) != (model, not sensor) and t.source == target]
         told = [drop for drop in said if drop.reason.endswith(("first order", "exactly"))]
-        assert sum(map(len, others)) == sum(drop.count for drop in told), name  # what is said otherwise is told
+        assert sum(map(len, others)) == max([drop.count for drop in told], default=0), name  # it is told
     assert able >= 1
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SHOWN = 4  # names of a folder's content in a message
+LOOKED_AT = 50  # entries of a folder that are looked at whether one of them is a log
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def _folder(path: Path, fits: Callable[[Path], Iterable[str]]) -> str:
         missing = [file for file, pattern in family.needs if not any(map(pattern.fullmatch, names))]
         if signs and missing:
             return f"it looks like {family.name} ({_listed(signs)}), but has no {' and no '.join(missing)}"
-    inner = [name for name in names if (path / name).is_dir() and next(iter(fits(path / name)), None)]
+    inner = [name for name in names[:LOOKED_AT] if next(iter(fits(path / name)), None)]
     if inner:
         return f"the folder is none, but {_listed(inner)} in it is; give that"
     return f"found a folder with {_listed(names)}"

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from logs import measured
 from strategies import dims, generators, random_poses
-from teamslam.io.graphs.rewording import as_points, as_range_bearing, at_body, reworded
+from teamslam.io.graphs.rewording import as_points, as_range_bearing, as_relative_pose, at_body, reworded
 from teamslam.model import (
     Dataset,
     Table,
@@ -70,6 +70,15 @@ def test_what_a_sensor_saw_costs_the_same_seen_from_the_body(dim: int, rng: np.r
     seen = table(rng, "relative_pose", dim, B, sensor=True)
     values = Values.of({pose_kind(dim): (np.array([A, B]), random_poses(rng, dim, 2))})
     assert cost(at_body(seen), values) == pytest.approx(cost(seen, values), rel=1e-9)
+
+
+@given(dims, generators)
+def test_where_a_robot_is_costs_the_same_as_a_pose_whose_turn_is_open(dim: int, rng: np.random.Generator) -> None:
+    """Exactly, wherever the robot is and however it is turned."""
+    seen = table(rng, "point", dim, B)
+    values = Values.of({pose_kind(dim): (np.array([A, B]), random_poses(rng, dim, 2))})
+    other = as_relative_pose(seen)
+    assert cost(other, values) == pytest.approx(cost(seen, values), rel=1e-12) and other.dof == seen.dof == dim
 
 
 def words(*known: tuple[str, bool]) -> object:

@@ -3,6 +3,7 @@
     at_body            a sensor's measurement moved into the body's frame: exact for points and relative poses
     as_points          range and bearing as a point, to first order at the measurement
     as_range_bearing   a point as range and bearing, to first order at the measurement
+    as_relative_pose   where a robot is as its relative pose, with no information about its turn: exact
 
 With J = d point / d (range, bearing) at the measurement, W_point = W J^-1 and W = W_point J.
 """
@@ -29,7 +30,7 @@ def reworded(dataset: Dataset, has_word: HasWord) -> tuple[list[Part], list[Part
     without: list[Part] = []
     counts: dict[str, int] = {}
     for table, ends in parts_of(dataset):
-        found = next(((said, other) for said, other in _wordings(table) if has_word(other, ends)), None)
+        found = next(((said, other) for said, other in _wordings(table, ends) if has_word(other, ends)), None)
         if found is None:
             without.append((table, ends))
             continue
@@ -64,23 +65,29 @@ def no_word_for(parts: Sequence[Part], format: str) -> str | None:
     )
 
 
-def _wordings(table: Table) -> Iterator[tuple[tuple[str, ...], Table]]:
+def _wordings(table: Table, ends: tuple[Kind, ...]) -> Iterator[tuple[tuple[str, ...], Table]]:
     """The ways to say a table, the plainest first, with what is to be told of each."""
     yield (), table
-    movable = table.sensor is not None and table.sensor.dim <= table.dim
-    if movable and table.model in ("point", "relative_pose"):
+    movable = table.sensor is None or table.sensor.dim <= table.dim
+    if table.sensor is not None and movable and table.model in ("point", "relative_pose"):
         yield ("measurements by a sensor off the body: written as seen from the body, exactly",), at_body(table)
+    points, told = table, []
     if table.model == "range_bearing" and (table.values[:, 0] > NEAREST).all():
-        told = "ranges with bearings: written as points with their covariance, to first order"
+        told = ["ranges with bearings: written as points with their covariance, to first order"]
         points = as_points(table)
-        yield (told,), points
-        if movable:
-            yield (told,), at_body(points)
-    if table.model == "point" and (table.sensor is None or movable):
+        yield tuple(told), points
+        if table.sensor is not None and movable:
+            yield tuple(told), at_body(points)
+    if points.model == "point" and movable and ends[-1].is_pose:
+        open_turn = "sightings of where robots are: written as relative poses without information about turns, exactly"
+        yield (*told, open_turn), as_relative_pose(at_body(points))
+    if table.model == "point" and movable:
         points = at_body(table)
         if (np.linalg.norm(points.values, axis=1) > NEAREST).all():
-            told = "points: written as ranges with bearings and their covariance, to first order"
-            yield (told,), as_range_bearing(points)
+            yield (
+                ("points: written as ranges with bearings and their covariance, to first order",),
+                as_range_bearing(points),
+            )
 
 
 def at_body(table: Table) -> Table:
@@ -112,6 +119,15 @@ def as_range_bearing(table: Table) -> Table:
     return replace(
         table, model="range_bearing", values=values, whitening=table.whitening @ _slopes(distance, direction)
     )
+
+
+def as_relative_pose(table: Table) -> Table:
+    """Points that are robots' places as relative poses that leave the turn open. Law: they cost the same everywhere."""
+    m, d, rows = len(table), table.dim, 3 * table.dim - 3
+    whitening = np.zeros((m, rows, rows))
+    whitening[:, :d, :d] = table.whitening
+    turns = np.broadcast_to(np.eye(d).ravel(), (m, d * d))
+    return replace(table, model="relative_pose", values=np.concatenate([table.values, turns], -1), whitening=whitening)
 
 
 def _directions(table: Table) -> Array:

@@ -181,10 +181,11 @@ def _dropped(lines: Sequence[Records]) -> Iterable[Dropped]:
 
 def _noted(path: Path) -> Names | None:
     """The names that a file of teamslam's own making carries in a comment."""
-    lines = [(k, line) for k, line in enumerate(read_text(path).split("\n"), 1) if line.startswith(g2o_tags.NOTE)]
-    if not lines:
+    text = read_text(path)
+    start = 0 if text.startswith(g2o_tags.NOTE) else text.rfind(f"\n{g2o_tags.NOTE}") + 1
+    if not text.startswith(g2o_tags.NOTE, start):
         return None
-    number, line = lines[-1]
+    line, number = text[start:].partition("\n")[0], text.count("\n", 0, start) + 1
     try:
         return names_in(json.loads(line[len(g2o_tags.NOTE) :]))
     except (ValueError, RecursionError):
