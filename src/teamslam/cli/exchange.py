@@ -70,7 +70,8 @@ def exchange(
     format
         The format of the log, where it cannot be told from its looks.
     ledger
-        Write every message on every link into this CSV file: who sends what to whom, in which kind, how many bytes.
+        Write every message on every link into this CSV file, which must not exist: who sends what to whom, in which
+        kind, how many bytes.
     """
     from teamslam.cli.console import progress_bar, say, table
     from teamslam.cli.pieces import pieces_of
@@ -81,8 +82,8 @@ def exchange(
 
     if to_the_bit and (shift is not None or information is not None):
         raise InputError("--to-the-bit rounds nothing: leave out --shift and --information")
-    if ledger is not None and ledger.is_dir():
-        raise InputError("the ledger is a folder; expected a file to write", path=ledger)
+    if ledger is not None and ledger.exists():
+        raise InputError("the ledger is there already; choose another name", path=ledger)
     near = Precision()
     precision = (
         EXACT
