@@ -277,3 +277,27 @@ def test_gtsam_reads_what_is_written(text: str, tmp_path: Path) -> None:
     graph, _ = gtsam.readG2o(str(tmp_path / "out.g2o"), text is not PLANE)
     relative = sum(len(t) for t in found.tables if t.model == "relative_pose")
     assert sum("BetweenFactor" in type(graph.at(k)).__name__ for k in range(graph.size())) == relative
+
+
+SQUARE = "".join(f"VERTEX_SE2 {k} {k} 0 0\n" for k in range(3)) + "".join(
+    f"EDGE_SE2 {a} {b} 1 0 0 {I3}\n" for a, b in ((0, 1), (1, 2), (2, 0))
+)
+
+
+@pytest.mark.parametrize("lines", ["FIX 0\n", "FIX 0\nFIX 0\n"])
+def test_one_held_vertex_only_chooses_the_frame(lines: str, tmp_path: Path) -> None:
+    found = read(written(tmp_path, SQUARE + lines))
+    assert [(d.count, d.reason.split(":")[0]) for d in found.dropped] == [(1, "vertices held by FIX lines")]
+
+
+def test_each_robots_file_may_hold_its_own_first_vertex(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        written(tmp_path, SQUARE + "FIX 0\n", f"{name}.g2o")
+    assert [d.count for d in read(tmp_path).dropped] == [2]
+
+
+@pytest.mark.parametrize("lines", ["FIX 0\nFIX 2\n", "FIX 0 2\n", f"EDGE_PRIOR_SE2 1 1 0 0 {I3}\nFIX 0\n"])
+def test_held_vertices_that_are_more_than_a_frame_are_refused(lines: str, tmp_path: Path) -> None:
+    """Leaving them free would answer another question."""
+    with pytest.raises(InputError, match="vertices that are held are more than a choice of the frame"):
+        read(written(tmp_path, SQUARE + lines))

@@ -66,7 +66,7 @@ def assemble(parts: Sequence[Part], origin: str) -> Dataset:
     initial, alone = matching(known.estimate, dataset)
     truth, _ = matching(_true_values(parts, owners), dataset)
     counts = [
-        (_fixed(parts, dataset), "FIX lines: one fixed vertex only chooses the frame, which teamslam does itself"),
+        (_fixed(parts, dataset), "vertices held by FIX lines: one only chooses the frame, which teamslam does itself"),
         (twice, "edges that stand in the files of both their robots, or twice: one measurement each"),
         (known.repeated, "vertices that stand twice in a file: the first counts"),
         (known.elsewhere, "vertices that stand in several files: the first counts"),
@@ -83,16 +83,19 @@ def _found(parts: Sequence[Part]) -> str:
 
 
 def _fixed(parts: Sequence[Part], dataset: Dataset) -> int:
-    """How many vertices FIX lines hold. InputError where that is more than a choice of the frame."""
-    count = sum(len(words) for part in parts for records in part.fixed for words in records.words)
-    if count > 1 or (count and any(table.row.unary for table in dataset.tables)):
-        records = next(records for part in parts for records in part.fixed)
+    """How many vertices FIX lines hold: one of a file, which only chooses its frame. InputError where it is more than
+    that: two of a file, or one beside measurements in the world."""
+    held = [{word for records in part.fixed for words in records.words for word in words} for part in parts]
+    most = max(map(len, held), default=0)
+    if most > 1 or (most and any(table.row.unary for table in dataset.tables)):
+        records = next(records for part, names in zip(parts, held, strict=True) for records in part.fixed
+                       if len(names) == most)  # fmt: skip
         raise records.error(
             len(records) - 1,
             "vertices that are held are more than a choice of the frame here, and teamslam does not hold vertices: "
             "remove the FIX lines, or write an EDGE_PRIOR line for each with how well it is known",
         )
-    return count
+    return sum(map(len, held))
 
 
 def _together(parts: Sequence[Part]) -> list[Dropped]:

@@ -35,8 +35,9 @@ def read_part(path: Path, *, half_angle: bool = True, noise: str | None = None) 
     empty = 0
     for records in lines:
         if records.tag in g2o_tags.EDGES:
-            measured += [_g2o_edges(part, sensors, half_angle) for part in records.by_length()]
-            empty += len(records) - sum(len(part) for part in measured if part.records.tag == records.tag)
+            found = [_g2o_edges(part, sensors, half_angle) for part in records.by_length()]
+            empty += len(records) - sum(map(len, found))
+            measured += found
         elif records.tag in toro_tags.EDGES:
             measured += [_toro_edges(part, dialect) for part in records.by_length()]
     unit = sum(len(part) for part in measured if _without_noise(part))
