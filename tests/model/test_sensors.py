@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from sightings import MARKS, OBSERVERS, OTHERS, SETTINGS, Setting, every_table, table_of, world
 from strategies import generators, random_poses, unit_vectors
 from teamslam.errors import ModelError
-from teamslam.geometry import Array, Pose
-from teamslam.model import MODELS, Kind, Model, Table, Values, direction_basis, pack
+from teamslam.geometry import Array, Pose, direction_basis
+from teamslam.model import MODELS, Kind, Model, Table, Values, pack
 
 settings_drawn = st.sampled_from(SETTINGS)
 

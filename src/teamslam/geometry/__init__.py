@@ -2,7 +2,8 @@
 
 from teamslam.geometry.align import Fit, align
 from teamslam.geometry.arrays import AnyArray, Array, BoolArray, IntArray
-from teamslam.geometry.pose import Pose, concatenate, lift_points, lift_tangent, rotations
+from teamslam.geometry.pose import Pose, concatenate, directions, lift_points, lift_tangent, rotations
+from teamslam.geometry.s2 import direction_basis
 
 __all__ = [
     "AnyArray",
@@ -13,6 +14,8 @@ __all__ = [
     "Pose",
     "align",
     "concatenate",
+    "direction_basis",
+    "directions",
     "lift_points",
     "lift_tangent",
     "rotations",

@@ -18,7 +18,7 @@ from types import ModuleType
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import so2, so3
+from teamslam.geometry import s1, s2, so2, so3
 from teamslam.geometry.arrays import Array, IntArray
 
 
@@ -29,6 +29,12 @@ def rotations(dim: int) -> ModuleType:
     if dim == 3:
         return so3
     raise ModelError(f"a pose lives in the plane (2) or in space (3), found dimension {dim}")
+
+
+def directions(dim: int) -> ModuleType:
+    """The directions of the plane (2) or of space (3): the module `s1` or `s2`."""
+    rotations(dim)
+    return s1 if dim == 2 else s2
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +88,14 @@ class Pose:
         """The pose identity (+) tangent: (..., 3) in the plane, (..., 6) in space."""
         return cls(rotations(dim).exp(tangent[..., dim:]), tangent[..., :dim].copy())
 
+    @classmethod
+    def scattered(cls, positions: Array, rng: np.random.Generator) -> "Pose":
+        """Poses at positions (n, d), turned at random: any way as likely as any other."""
+        if positions.shape[-1] == 2:
+            turns = rng.uniform(-np.pi, np.pi, (len(positions), 1))
+            return cls.from_xytheta(np.concatenate([positions, turns], -1))
+        return cls.from_quaternion(positions, rng.standard_normal((len(positions), 4)))
+
     # --- reading poses ------------------------------------------------------------------------------------------
 
     @property
@@ -120,6 +134,10 @@ class Pose:
         w = so3.log(self.lift(3).rotation)
         half = 0.5 * np.linalg.norm(w, axis=-1, keepdims=True)
         return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * w], -1)
+
+    def numbers(self) -> Array:
+        """As people write a pose: x, y, heading (..., 3) in the plane; position, then quaternion (..., 7) in space."""
+        return self.xytheta() if self.dim == 2 else np.concatenate([self.translation, self.quaternion_wxyz()], -1)
 
     # --- the group ----------------------------------------------------------------------------------------------
 

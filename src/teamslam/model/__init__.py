@@ -16,7 +16,7 @@ from teamslam.model.keys import (
 from teamslam.model.layout import Kind, Layout, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
-from teamslam.model.sensors import MODELS, Model, direction_basis
+from teamslam.model.sensors import MODELS, Model
 from teamslam.model.submap import Sources, Stretch, Submap
 from teamslam.model.tables import Table
 from teamslam.model.values import Values, pack, unpack
@@ -40,7 +40,6 @@ __all__ = [
     "Table",
     "Values",
     "chi2_quantile",
-    "direction_basis",
     "index_of",
     "is_landmark",
     "is_pose",

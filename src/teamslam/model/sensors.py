@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose
+from teamslam.geometry import Array, Pose, directions
 from teamslam.model.values import pack
 
 Target = Pose | Array
@@ -71,19 +71,6 @@ def pose_of(z: Array, dim: int) -> Pose:
     return Pose(z[..., dim:].reshape(*z.shape[:-1], dim, dim), z[..., :dim])
 
 
-def direction_basis(direction: Array) -> Array:
-    """Two unit tangents at unit vectors (m, 3) -> (m, 3, 2): towards rising azimuth, towards rising elevation.
-
-    Within a hair of the poles, where azimuth has no meaning, the first tangent is that of the x axis.
-    """
-    x, y = direction[..., 0], direction[..., 1]
-    flat = np.hypot(x, y)
-    pole = flat < 1e-9
-    safe = np.where(pole, 1.0, flat)
-    east = np.stack([np.where(pole, 0.0, -y / safe), np.where(pole, 1.0, x / safe), np.zeros_like(x)], -1)
-    return np.stack([east, np.cross(direction, east)], -1)
-
-
 def _relative_pose(observer: Pose, target: Target, dim: int) -> Array:
     assert isinstance(target, Pose)
     return pack(observer.between(target))
@@ -103,21 +90,11 @@ def _range(observer: Pose, target: Target, dim: int) -> Array:
 
 
 def _bearing(observer: Pose, target: Target, dim: int) -> Array:
-    h = _point(observer, target, dim)
-    if dim == 2:
-        return np.asarray(np.arctan2(h[..., 1], h[..., 0]))[..., None]
-    return np.asarray(h / np.linalg.norm(h, axis=-1, keepdims=True))
+    return np.asarray(directions(dim).of(_point(observer, target, dim)))
 
 
 def _minus_bearing(z: Array, h: Array, dim: int) -> Array:
-    if dim == 2:
-        return np.asarray((z - h + np.pi) % (2.0 * np.pi) - np.pi)
-    across = np.swapaxes(direction_basis(z), -1, -2) @ h[..., None]  # B(z)' h
-    sine = np.linalg.norm(across[..., 0], axis=-1)
-    cosine = np.sum(z * h, -1)
-    angle = np.arctan2(sine, cosine)
-    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)
-    return np.asarray(-scale[..., None] * across[..., 0])
+    return np.asarray(directions(dim).minus(z, h))
 
 
 def _range_bearing(observer: Pose, target: Target, dim: int) -> Array:

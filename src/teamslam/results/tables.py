@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, lift_tangent
+from teamslam.geometry import Array, IntArray, lift_tangent
 from teamslam.io.files.text import rows_of_text
-from teamslam.model import Kind, Submap, index_of
+from teamslam.model import Kind, Submap, index_of, pose_kind
 from teamslam.results.record import Record
 from teamslam.solver import Covariances, Step
 
@@ -119,14 +119,10 @@ def _landmark_dim(submap: Submap) -> int:
     return 3 if (kinds % 2 == 1).any() else 2
 
 
-def _pose_numbers(poses: Pose) -> Array:
-    return poses.xytheta() if poses.dim == 2 else np.concatenate([poses.translation, poses.quaternion_wxyz()], -1)
-
-
 def _pose_lines(who: Sequence[object], submap: Submap, keys: IntArray, covariances: Covariances, dim: int) -> list[str]:
     """The lines of some poses: who they are of, stamp, pose, covariance."""
     stamps = [f"{stamp:.6f}" for stamp in submap.names.stamps_s(keys).tolist()]
-    poses = _pose_numbers(submap.all_values.poses_of(keys, dim))
+    poses = submap.all_values.poses_of(keys, dim).numbers()
     rows = rows_of_text(np.concatenate([poses, _upper(_pose_covariances(submap, keys, covariances, dim))], -1), ",")
     called = _cells(who)
     return [f"{called},{stamp},{row}" for stamp, row in zip(stamps, rows, strict=True)]
@@ -134,7 +130,7 @@ def _pose_lines(who: Sequence[object], submap: Submap, keys: IntArray, covarianc
 
 def _pose_covariances(submap: Submap, keys: IntArray, covariances: Covariances, dim: int) -> Array:
     """The covariances of poses (n, dof, dof) in the chart of `dim`; planar ones among spatial cannot tilt or rise."""
-    dof = 3 if dim == 2 else 6
+    dof = pose_kind(dim).dof
     out = np.zeros((len(keys), dof, dof))
     for at, blocks in _stacks(submap, keys, covariances):
         own = 2 if blocks.shape[-1] == 3 else 3

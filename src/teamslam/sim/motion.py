@@ -116,3 +116,10 @@ PATHS: dict[str, Callable[[int, int, float, Arena, np.random.Generator], Array]]
 def _anywhere(robots: int, arena: Arena, rng: np.random.Generator) -> Array:
     xy = rng.uniform(-0.35, 0.35, (robots, 2)) * arena.side_m
     return np.concatenate([xy, rng.uniform(-np.pi, np.pi, (robots, 1))], -1)
+
+
+MOVES: dict[int, Callable[[Array, float, np.random.Generator], Pose]] = {
+    2: lambda track, height_m, rng: Pose.from_xytheta(track),
+    3: fly,
+}
+"""How a robot of each dimension follows a track over ground (n, 3): track, height of the world [m], chance -> poses."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array, Pose, rotations, so3
-from teamslam.model import MODELS, direction_basis, pack, pose_kind, unpack
+from teamslam.geometry import Array, Pose, directions, rotations
+from teamslam.model import MODELS, pack, pose_kind, unpack
 
 
 @dataclass(frozen=True)
@@ -62,25 +62,7 @@ def _turn(h: Array, n: Array, dim: int) -> Array:
 
 
 def _turn_direction(h: Array, n: Array, dim: int) -> Array:
-    if dim == 2:
-        return np.asarray((h + n + np.pi) % (2.0 * np.pi) - np.pi)
-    # z (-) h is measured in the east and north of z, which is sought: h = c z - s (n_east east + n_north north), with
-    # c = cos |n|, s = sin |n| / |n|. Its third row is an equation for the elevation of z alone, the others give the
-    # azimuth.
-    size = np.linalg.norm(n, axis=-1)
-    c, s = np.cos(size), np.sinc(size / np.pi)
-    east, north = s * n[:, 0], s * n[:, 1]
-    reach = np.hypot(c, north)
-    elevation = np.arctan2(north, c) + np.arcsin(np.clip(h[:, 2] / reach, -1.0, 1.0))
-    ahead = c * np.cos(elevation) + north * np.sin(elevation)
-    azimuth = np.arctan2(h[:, 1], h[:, 0]) + np.arctan2(east, ahead)
-    level = np.cos(elevation)
-    z = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], -1)
-    # Within |n| of a pole there may be no such z: azimuth turns too fast. There n is taken in the east and north of h.
-    lost = (np.abs(h[:, 2]) > reach) | (level < 0.0)
-    away = (direction_basis(h) @ n[..., None])[..., 0]
-    turned = (so3.exp(np.cross(h, away)) @ h[..., None])[..., 0]
-    return np.where(lost[:, None], turned, z)
+    return np.asarray(directions(dim).plus(h, n))
 
 
 def _range_then_direction(h: Array, n: Array, dim: int) -> Array:

@@ -77,10 +77,12 @@ class Sensor:
         """
         if not any(self.mount_xyz_m) and not self.mount_yaw_deg:
             return None
-        x, y, z = self.mount_xyz_m
-        _check(dim == 3 or z == 0.0, "mount_xyz_m", "a measurement in the plane has no height", self.mount_xyz_m)
+        x, y, _ = self.mount_xyz_m
+        _check(
+            not any(self.mount_xyz_m[dim:]), "mount_xyz_m", "a measurement in the plane has no height", self.mount_xyz_m
+        )
         planar = Pose.from_xytheta(np.array([x, y, np.deg2rad(self.mount_yaw_deg)]))
-        return planar if dim == 2 else Pose(planar.lift(3).rotation, np.array([x, y, z]))
+        return Pose(planar.lift(dim).rotation, np.array(self.mount_xyz_m[:dim]))
 
     def eyes(self, bodies: Pose, dim: int) -> Pose:
         """Where it is when the robot's body is at `bodies` (n,)."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose
+from teamslam.geometry import Array, IntArray, Pose, directions
 
 
 def landmarks_in_view(eyes: Pose, points: Array, range_m: float, field_of_view_rad: float) -> tuple[IntArray, IntArray]:
@@ -34,15 +34,4 @@ def _within(seen: Array, range_m: float, field_of_view_rad: float) -> Array:
 def anywhere_in_view(count: int, dim: int, range_m: float, field_of_view_rad: float, rng: np.random.Generator) -> Pose:
     """False alarms: targets spread evenly over distance and direction within view, turned at random."""
     distance = rng.uniform(0.0, range_m, (count, 1))
-    if dim == 2:
-        angle = rng.uniform(-0.5, 0.5, count) * field_of_view_rad
-        return Pose.from_xytheta(
-            np.concatenate(
-                [distance * np.stack([np.cos(angle), np.sin(angle)], -1), rng.uniform(-np.pi, np.pi, (count, 1))], -1
-            )
-        )
-    ahead = rng.uniform(np.cos(0.5 * field_of_view_rad), 1.0, count)
-    around = rng.uniform(-np.pi, np.pi, count)
-    across = np.sqrt(1.0 - ahead**2)
-    direction = np.stack([ahead, across * np.cos(around), across * np.sin(around)], -1)
-    return Pose.from_quaternion(distance * direction, rng.standard_normal((count, 4)))
+    return Pose.scattered(distance * directions(dim).cone(count, field_of_view_rad, rng), rng)

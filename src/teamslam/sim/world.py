@@ -7,7 +7,7 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.model import landmark_key, pose_key
-from teamslam.sim.motion import PATHS, Arena, fly
+from teamslam.sim.motion import MOVES, PATHS, Arena
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +43,14 @@ class World:
 def scattered_landmarks(count: int, dim: int, arena: Arena, rng: np.random.Generator) -> Pose:
     """Landmarks spread evenly over the arena, turned at random."""
     across = rng.uniform(-0.5, 0.5, (count, 2)) * arena.side_m
-    if dim == 2:
-        return Pose.from_xytheta(np.concatenate([across, rng.uniform(-np.pi, np.pi, (count, 1))], -1))
-    height = rng.uniform(0.0, arena.height_m, (count, 1))
-    return Pose.from_quaternion(np.concatenate([across, height], -1), rng.standard_normal((count, 4)))
+    height = rng.uniform(0.0, arena.height_m, (count, dim - 2))
+    return Pose.scattered(np.concatenate([across, height], -1), rng)
 
 
 def ways(path: str, dims: dict[int, int], poses: int, step_m: float, arena: Arena, seed: list[int]) -> dict[int, Pose]:
     """Each robot's poses along a row of PATHS; robots of dimension 3 fly over the track of their ground twin."""
     tracks: Array = PATHS[path](len(dims), poses, step_m, arena, np.random.default_rng([*seed, 0]))
     return {
-        robot: Pose.from_xytheta(track)
-        if dim == 2
-        else fly(track, arena.height_m, np.random.default_rng([*seed, 1, robot]))
+        robot: MOVES[dim](track, arena.height_m, np.random.default_rng([*seed, 1, robot]))
         for (robot, dim), track in zip(dims.items(), tracks, strict=True)
     }

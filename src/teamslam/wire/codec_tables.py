@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array, IntArray, Pose, rotations
+from teamslam.geometry import Array, IntArray, Pose, directions, rotations
 from teamslam.model import (
     LOSSES,
     MODELS,
@@ -105,10 +105,9 @@ def _coordinates(values: Array, model: str, dim: int) -> Array:
         pose = unpack(values, Kind(dim - 2))
         assert isinstance(pose, Pose)
         return pose.minus(Pose.identity(dim, (len(values),)))
-    if dim == 3 and model in ("bearing", "range_bearing"):
-        u = values[:, -3:]
-        angles = np.stack([np.arctan2(u[:, 1], u[:, 0]), np.arctan2(u[:, 2], np.hypot(u[:, 0], u[:, 1]))], -1)
-        return np.concatenate([values[:, :-3], angles], -1)
+    if model in ("bearing", "range_bearing"):
+        sphere = directions(dim)
+        return np.concatenate([values[:, : -sphere.SIZE], sphere.angles(values[:, -sphere.SIZE :])], -1)
     return values
 
 
@@ -116,11 +115,9 @@ def _measured(coordinates: Array, model: str, dim: int) -> Array:
     """The measurement from its coordinates."""
     if MODELS[model].targets_pose:
         return pack(Pose(rotations(dim).exp(coordinates[:, dim:]), coordinates[:, :dim]))
-    if dim == 3 and model in ("bearing", "range_bearing"):
-        azimuth, elevation = coordinates[:, -2], coordinates[:, -1]
-        level = np.cos(elevation)
-        u = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], -1)
-        return np.concatenate([coordinates[:, :-2], u], -1)
+    if model in ("bearing", "range_bearing"):
+        sphere = directions(dim)
+        return np.concatenate([coordinates[:, : -sphere.DOF], sphere.of_angles(coordinates[:, -sphere.DOF :])], -1)
     return coordinates
 
 

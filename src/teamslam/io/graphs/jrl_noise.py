@@ -9,9 +9,9 @@ e = M e' to first order for teamslam's error e and GTSAM's e' (up to one common 
 
 import numpy as np
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, direction_basis
 from teamslam.io.graphs.charts import chart
-from teamslam.model import MODELS, direction_basis
+from teamslam.model import MODELS
 
 
 def covariance_here(covariance: Array, value: Array, model: str, dim: int) -> Array:

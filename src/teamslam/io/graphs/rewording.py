@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from teamslam.geometry import Array
-from teamslam.model import Dataset, Dropped, Kind, Table, direction_basis, pack
+from teamslam.geometry import Array, direction_basis
+from teamslam.model import Dataset, Dropped, Kind, Table, pack
 from teamslam.model.sensors import pose_of
 
 NEAREST = 1e-6  # [m]: a range below this has no bearing, nor a point at it one

@@ -1,0 +1,46 @@
+"""Directions of the plane and of space: the same laws for both."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from strategies import generators
+from teamslam.errors import ModelError
+from teamslam.geometry import directions
+
+dims = st.sampled_from([2, 3])
+
+
+@given(generators, dims)
+def test_a_direction_survives_its_rays_and_its_angles(rng: np.random.Generator, dim: int) -> None:
+    """of(ray(z)) = z = of_angles(angles(z)), of any batch; a ray has length 1."""
+    sphere = directions(dim)
+    z = sphere.of(rng.normal(size=(2, 5, dim)))
+    assert z.shape == (2, 5, sphere.SIZE) and sphere.angles(z).shape == (2, 5, sphere.DOF)
+    np.testing.assert_allclose(np.linalg.norm(sphere.ray(z), axis=-1), 1.0)
+    np.testing.assert_allclose(sphere.of(sphere.ray(z)), z, atol=1e-12)
+    np.testing.assert_allclose(sphere.of_angles(sphere.angles(z)), z, atol=1e-12)
+
+
+@given(generators, dims)
+def test_what_is_added_is_the_difference(rng: np.random.Generator, dim: int) -> None:
+    """minus(plus(h, n), h) = n, but near the poles of the sphere."""
+    sphere = directions(dim)
+    h = sphere.of(rng.normal(size=(20, dim)))
+    h = h[np.abs(sphere.angles(h)[:, -1]) < 1.0] if dim == 3 else h
+    n = rng.uniform(-0.3, 0.3, (len(h), sphere.DOF))
+    np.testing.assert_allclose(sphere.minus(sphere.plus(h, n), h), n, atol=1e-9)
+    np.testing.assert_allclose(sphere.minus(h, h), 0.0, atol=1e-12)
+
+
+@given(generators, dims, st.floats(0.1, 6.2))
+def test_a_cone_holds_its_rays(rng: np.random.Generator, dim: int, angle: float) -> None:
+    rays = directions(dim).cone(50, angle, rng)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0)
+    assert (np.arccos(np.clip(rays[:, 0], -1.0, 1.0)) <= 0.5 * angle + 1e-9).all()
+
+
+def test_there_are_two_kinds_of_space() -> None:
+    with pytest.raises(ModelError, match="dimension 4"):
+        directions(4)
