@@ -6,6 +6,9 @@ Vertices are estimates and become `Dataset.initial`; of those that stand twice t
 not know and vertices without an edge are left out and counted. A folder holds one file for each robot; an edge that
 stands in the files of both its robots is one measurement, and its first vertex is the observer.
 
+A vertex that a FIX line holds only chooses the frame: teamslam does that itself, and counts it. Two of a file, or one
+beside measurements in the world, would be held for good, which teamslam does not do: they are refused.
+
 Whose a vertex is, is told by its id: a letter, a block of ids, or the file it stands in (see `owners`).
 
 Noise: information may be zero in some directions, which then say nothing; negative, it is refused. g2o's error of a
