@@ -94,18 +94,28 @@ def _each_file(candidates: Iterable[Submap | str | Path]) -> Iterable[Submap | P
 
 def _newest(submaps: Iterable[Submap]) -> tuple[list[Submap], list[Refusal]]:
     """The newest version of each id, in order; ids whose newest version has several contents are refused."""
-    by_id: dict[str, dict[bytes, Submap]] = {}
+    by_id: dict[str, list[Submap]] = {}
     for submap in submaps:
-        by_id.setdefault(submap.id, {}).setdefault(canonical(submap), submap)
+        by_id.setdefault(submap.id, []).append(submap)
     kept, refused = [], []
-    for id_, contents in by_id.items():
-        version = max(s.version for s in contents.values())
-        latest = [s for s in contents.values() if s.version == version]
+    for id_, namesakes in by_id.items():
+        version = max(s.version for s in namesakes)
+        latest = _different([s for s in namesakes if s.version == version])
         if len(latest) > 1:
             refused.append(Refusal(id_, torn_reason(id_, version, len(latest))))
         else:
             kept.append(latest[0])
     return kept, refused
+
+
+def _different(submaps: Sequence[Submap]) -> list[Submap]:
+    """The first of each content."""
+    if len(submaps) == 1:
+        return list(submaps)
+    contents: dict[bytes, Submap] = {}
+    for submap in submaps:
+        contents.setdefault(canonical(submap), submap)
+    return list(contents.values())
 
 
 def torn_reason(id_: str, version: int, contents: int) -> str:
@@ -140,14 +150,13 @@ def without_conflicts(sound: Iterable[Submap]) -> Admission:
 
 
 def _two_dimensions(submaps: Sequence[Submap]) -> Iterable[Conflict]:
+    def kinds_of(submap: Submap) -> dict[int, object]:
+        layout = submap.values.layout
+        marks = is_landmark(layout.keys)
+        return dict(zip(layout.keys[marks].tolist(), layout.kinds[marks].tolist(), strict=True))
+
     yield from _disagreements(
-        submaps,
-        lambda s: {
-            int(k): kind
-            for k, kind in zip(s.values.layout.keys.tolist(), s.values.layout.kinds.tolist(), strict=True)
-            if is_landmark(k)
-        },
-        lambda s, key: f"{s.names.describe(key)} has another dimension or kind",
+        submaps, kinds_of, lambda s, key: f"{s.names.describe(key)} has another dimension or kind"
     )
 
 

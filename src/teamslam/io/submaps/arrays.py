@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.errors import InputError, ModelError
-from teamslam.geometry import AnyArray, Pose
+from teamslam.geometry import AnyArray, Array, Pose
 from teamslam.io.files.whole import whole_file
 from teamslam.io.submaps.soundness import check_keys, check_numbers, check_raw, check_rotations, check_table
 from teamslam.model import (
@@ -327,7 +327,7 @@ def _unpacked_table(content: _Table) -> Table:
 
 def _layout(content: _Content) -> Layout:
     keys, kinds = _unpacked(content.keys, "keys", "<i8", 1), _unpacked(content.kinds, "kinds", "<i8", 1)
-    if not np.isin(kinds, [int(kind) for kind in Kind]).all():
+    if ((kinds < 0) | (kinds >= len(Kind))).any():
         raise InputError(f"kinds of variables are 0 to {len(Kind) - 1}", field="kinds")
     check_keys(keys)
     if len(kinds) == len(keys) and (is_pose(keys) & (kinds > Kind.POSE3)).any():
@@ -363,35 +363,60 @@ def _information(content: _Content, dof: int, prove: bool) -> sp.csr_array:
         raise InputError("a column of the information's upper triangle is out of range", field="indices")
     if ((np.diff(rows) == 0) & (np.diff(indices) <= 0)).any():
         raise InputError("the columns of a row of the information should rise", field="indices")
-    upper = sp.csr_array((data, indices, indptr), shape=(dof, dof))
-    information = sp.csr_array(upper + sp.triu(upper, 1, format="csr").T)
-    information.sort_indices()
-    if prove and not positive_definite(information):
+    if dof <= DENSE:
+        whole = np.zeros((dof, dof))
+        whole[rows, indices] = whole[indices, rows] = data
+        information, sound = _sparse(whole), not prove or _definite(whole)
+    else:
+        upper = sp.csr_array((data, indices, indptr), shape=(dof, dof))
+        information = sp.csr_array(upper + sp.triu(upper, 1, format="csr").T)
+        information.sort_indices()
+        sound = not prove or positive_definite(information)
+    if not sound:
         raise InputError("the information is not positive definite: the map is not determined", field="information")
     return information
 
 
+def _sparse(matrix: Array) -> sp.csr_array:
+    """A dense matrix by rows; scipy's own way there is longer."""
+    rows, columns = np.nonzero(matrix)
+    starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
+    return sp.csr_array((matrix[rows, columns], columns.astype(np.int32), starts.astype(np.int32)), shape=matrix.shape)
+
+
+def _definite(matrix: Array) -> bool:
+    """True where a dense symmetric matrix is positive definite, scaled to a unit diagonal so that units do not
+    matter."""
+    diagonal = np.diagonal(matrix)
+    if not (diagonal > 0.0).all():
+        return False
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = matrix * scale[:, None] * scale
+    if not np.isfinite(scaled).all():
+        return False
+    try:
+        np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def positive_definite(matrix: sp.csr_array) -> bool:
-    """True where a symmetric matrix is positive definite, by factorisation."""
+    """True where a symmetric matrix is positive definite, by factorisation, as `_definite` has it."""
     from scipy.sparse.linalg import splu
 
-    size = matrix.shape[0]
-    if size == 0:
-        return True
+    if matrix.shape[0] <= DENSE:
+        return _definite(matrix.toarray())
     diagonal = matrix.diagonal()
     if not (diagonal > 0.0).all():
         return False
-    # Scaled to a unit diagonal, so that units do not matter.
     scale = sp.diags_array(1.0 / np.sqrt(diagonal))
     scaled = sp.csc_array(scale @ matrix @ scale)
     if not np.isfinite(scaled.data).all():
         return False
     try:
-        if size <= DENSE:
-            np.linalg.cholesky(scaled.toarray())
-            return True
         factor = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except (np.linalg.LinAlgError, RuntimeError):
+    except RuntimeError:
         return False
     # Without pivoting off the diagonal, U's diagonal is D of L D L', positive where the matrix is positive definite.
     return bool(np.array_equal(factor.perm_r, factor.perm_c) and (factor.U.diagonal() > 0.0).all())

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray
@@ -98,6 +97,8 @@ def _taken_from(table: Table) -> IntArray:
 
 def _hanging_together(log: Dataset, piece_of_row: Sequence[IntArray], poses: IntArray) -> list[IntArray]:
     """The pieces that rows belong to once those are cut apart whose relative poses do not hang together."""
+    from scipy.sparse.csgraph import connected_components
+
     n = len(poses)
     stands, links = [], [np.zeros((0, 2), np.int64)]
     for table, piece in zip(log.tables, piece_of_row, strict=True):

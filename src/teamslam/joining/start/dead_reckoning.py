@@ -6,7 +6,6 @@ linked to the next, others link it, such as loop closures: then `chordal` finds 
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.errors import ModelError
 from teamslam.geometry import IntArray, Pose, concatenate
@@ -44,6 +43,8 @@ def own_chain(piece: Dataset, robot: int) -> IntArray:
     closures into another piece); in a graph that runs otherwise, all that hang together. Raises ModelError where an
     observer hangs on nothing.
     """
+    from scipy.sparse.csgraph import connected_components
+
     poses = piece.pose_keys[robot]
     which, _, _ = odometry_links(piece, robot, poses)
     gaps = np.flatnonzero(which < 0)
