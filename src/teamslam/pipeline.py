@@ -7,19 +7,21 @@ split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squar
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from teamslam.config import Config
-from teamslam.errors import InputError
+from teamslam.errors import InputError, SolveError
 from teamslam.joining import (
     ORDERS,
     Cost,
     Joined,
-    build,
+    Unbuilt,
+    accounted,
     build_choices,
+    build_with_solution,
     cost_of,
     exact_join,
     full,
@@ -77,8 +79,8 @@ def run(
 
     With `workers`, submaps are built and joined on them, by a tree; what they make lies in the folder `work`, from
     which an interrupted run goes on (None: a folder that is gone afterwards).
-    Raises SolveError where a submap or map does not exist, InputError where workers are asked for what they cannot do;
-    parts that cannot be joined are components of the result.
+    Parts that cannot be joined are components of the result; what no map can be made of is in `joined.left_out`. Raises
+    SolveError where that is everything, InputError where workers are asked for what they cannot do.
     """
     if workers is not None:
         refuse_workers(config)
@@ -92,14 +94,17 @@ def run(
     elif workers is not None:
         pieces = _pieces(log, config)
         submaps, joined = _on_workers(pieces, workers, work, config.solver, clock)
+        joined = _with_books(log, joined, (), ())
     elif config.join.exact:
-        submaps, joined = _in_rounds(_pieces(log, config), config, clock)
+        submaps, joined = _in_rounds(log, config, clock)
     else:
         pieces = _pieces(log, config)
         clock.start("building submaps", len(pieces))
-        submaps = clock.each(build(piece, options=config.solver) for piece in pieces)
+        built = clock.each(_tried(piece, lambda piece: _build(piece, config.solver)) for piece in pieces)
+        submaps, remarks = zip(*_whole(built), strict=True)
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
+        joined = _with_books(log, joined, built, [r for r in remarks if r])
     if config.method == "join":
         clock.start("exactness")
         joined = with_exactness(joined, pairs(pieces, submaps))
@@ -140,20 +145,51 @@ def pairs(pieces: Iterable[Dataset], submaps: Iterable[Submap]) -> list[tuple[Da
     return [(piece, submap) for piece, submap in both if submap is not None]
 
 
-def _in_rounds(pieces: Sequence[Dataset], config: Config, clock: "Clock") -> tuple[tuple[Submap, ...], Joined]:
+def _in_rounds(log: Dataset, config: Config, clock: "Clock") -> tuple[tuple[Submap, ...], Joined]:
     """Submaps built and joined exactly, from the best that can be built of each piece."""
+    pieces = _pieces(log, config)
     clock.start("building submaps", len(pieces))
-    choices = clock.each(build_choices(piece, options=config.solver) for piece in pieces)
+    built = clock.each(_tried(piece, lambda piece: build_choices(piece, options=config.solver)) for piece in pieces)
+    choices = _whole(built)
     clock.start("joining in rounds")
     joined = exact_join(
-        pieces,
+        [piece for piece, found in zip(pieces, built, strict=True) if not isinstance(found, Unbuilt)],
         choices=choices,
         gap=config.join.gap,
         max_rounds=config.join.max_rounds,
         options=config.solver,
         progress=lambda step: clock.tick(),
     )
-    return tuple(found[0] for found in choices), joined
+    return tuple(found[0] for found in choices), _with_books(log, joined, built, ())
+
+
+def _tried(piece: Dataset, make: Callable[[Dataset], T]) -> T | Unbuilt:
+    """What is made of a piece, or why nothing can be."""
+    try:
+        return make(piece)
+    except SolveError as error:
+        return Unbuilt(piece, str(error))
+
+
+def _whole(built: Sequence[T | Unbuilt]) -> list[T]:
+    """What could be made. Raises SolveError where nothing could."""
+    made = [found for found in built if not isinstance(found, Unbuilt)]
+    if not made and built:
+        raise SolveError(next(lost.reason for lost in built if isinstance(lost, Unbuilt)))
+    return made
+
+
+def _build(piece: Dataset, options: Options) -> tuple[Submap, str]:
+    """The submap of a piece, and what is to be remarked of it."""
+    submap, solution = build_with_solution(piece, options=options)
+    if solution.converged:
+        return submap, ""
+    return submap, f"submap {submap.id} stopped {solution.decrement:.2g} sigma from its optimum, and is used as it is"
+
+
+def _with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: Sequence[str]) -> Joined:
+    lost = [found for found in built if isinstance(found, Unbuilt)]
+    return replace(accounted(log, joined, lost), remarks=tuple(remarks))
 
 
 def _on_workers(

@@ -18,6 +18,8 @@ def outcome(report: Report) -> Rows:
     return [
         ("status", report["status"]),
         *_components(report),
+        *(("left out", _lost(lost)) for lost in report.get("left_out", [])),
+        *(("remark", sentence) for sentence in report.get("remarks", [])),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
         *_fit(report["fit"]),
         *_cost(report),
@@ -38,6 +40,12 @@ def _components(report: Report) -> Rows:
     frames = {part["frame"] for part in report["parts"]}
     alike = f", though all are in {frames.pop()}" if len(frames) == 1 else ""
     return [("components", said + alike), *(("", reason) for reason in report["reasons"])]
+
+
+def _lost(lost: Report) -> str:
+    """What is in no map, and why."""
+    rows = f" ({counted(lost['rows'], 'row')})" if lost["rows"] else ""
+    return f"{lost['what']}{rows}: {lost['reason']}"
 
 
 def _fit(fit: Report) -> Rows:

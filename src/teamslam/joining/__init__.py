@@ -3,7 +3,17 @@
 from teamslam.joining.build import build, build_alternatives, build_choices, build_with_solution, split
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
 from teamslam.joining.exact import Cost, cost_of, exact_join, full, with_exactness
-from teamslam.joining.join import ORDERS, Component, Exactness, Joined, join, join_by_tree, join_sequentially
+from teamslam.joining.join import (
+    ORDERS,
+    Component,
+    Exactness,
+    Joined,
+    Unbuilt,
+    accounted,
+    join,
+    join_by_tree,
+    join_sequentially,
+)
 
 __all__ = [
     "ORDERS",
@@ -12,6 +22,8 @@ __all__ = [
     "Exactness",
     "Interior",
     "Joined",
+    "Unbuilt",
+    "accounted",
     "build",
     "build_alternatives",
     "build_choices",

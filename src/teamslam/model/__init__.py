@@ -1,5 +1,6 @@
 """The nouns: what was seen (`Dataset`, `Table`), what is believed (`Values`, `Submap`), and what they are called."""
 
+from teamslam.model.account import LeftOut
 from teamslam.model.chi_square import chi2_quantile
 from teamslam.model.dataset import Dataset, Dropped
 from teamslam.model.keys import (
@@ -30,6 +31,7 @@ __all__ = [
     "Dropped",
     "Kind",
     "Layout",
+    "LeftOut",
     "Loss",
     "LossFunction",
     "Model",

@@ -26,6 +26,10 @@ Its fields:
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
                                    alone status, cost, errors and exactness by the same names as here; `objective` of
                                    its last solve
+    left_out                       what went in and is in no map, each with `kind` (piece, robot, poses, landmark, rows),
+                                   `what` it is, how many `poses`, `landmarks` and `rows` are lost with it, and the
+                                   `reason`
+    remarks                        what is in a map though something is to be known of it, in words
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
                                    of several components, each aligned by itself
@@ -50,7 +54,7 @@ from typing import Any
 
 from teamslam.joining import Component, Cost
 from teamslam.metrics import Report
-from teamslam.model import Dataset
+from teamslam.model import Dataset, LeftOut, is_landmark
 from teamslam.pipeline import Result
 from teamslam.trust import Verdict, sentence
 
@@ -83,6 +87,8 @@ def report_of(result: Result) -> dict[str, Any]:
         "seconds": sum(result.seconds.values()),
         "components": len(components),
         "reasons": list(result.joined.reasons),
+        "left_out": [_left_out(lost) for lost in result.joined.left_out],
+        "remarks": list(result.joined.remarks),
         "ambiguities": [sentence for c in components for sentence in c.ambiguities],
         **_errors(result.scores),
         "robots": len(dataset.robots),
@@ -97,6 +103,18 @@ def report_of(result: Result) -> dict[str, Any]:
         "stages_s": dict(result.seconds),
         "seed": None,  # no step of a run draws random numbers that differ from run to run
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
+    }
+
+
+def _left_out(lost: LeftOut) -> dict[str, Any]:
+    landmarks = int(is_landmark(lost.keys).sum())
+    return {
+        "kind": lost.kind,
+        "what": lost.what,
+        "poses": len(lost.keys) - landmarks,
+        "landmarks": landmarks,
+        "rows": lost.count,
+        "reason": lost.reason,
     }
 
 

@@ -148,6 +148,11 @@ class _Problem:
         known = guesses[0].layout
         inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
         held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
+        if len(held) == 1:
+            raise SolveError(
+                f"{piece.names.describe(int(poses[0]))} stands alone: no odometry leads to it or from it, and nothing "
+                f"seen from there fixes a place"
+            )
         guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
         return cls(piece, int(poses[0]), system, raw, guesses, loose)

@@ -6,13 +6,16 @@ submap has several local optima, the one that the team's cost is lowest with is 
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from teamslam.errors import ModelError
+from teamslam.errors import ModelError, SolveError
 from teamslam.joining.build.build import ROUGH, build_choices
 from teamslam.joining.build.split import split
+from teamslam.joining.exact.alone import excess
 from teamslam.joining.exact.basins import lowest
+from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
 from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values
@@ -30,13 +33,26 @@ def full(
     """The optimum over all of a team's measurements, by components as `join` finds them.
 
     `initial`: a join to start from, and from nowhere else; by default the log is split, built and joined here. Each
-    component's map is in the same frame as that of the join. Raises as `build` and `join` do.
+    component's map is in the same frame as that of the join. What is in none of them is in `left_out`, a piece of which
+    no submap can be built among it. Raises SolveError where none can, else as `join` does.
     """
     if initial is not None:
         return _from(dataset, initial, options, progress)
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
-    alternatives = [build_choices(piece, options=options) for piece in split(dataset)]
-    return lowest(alternatives, lambda submaps: _from(dataset, join(submaps, options=rough), options, progress))
+    alternatives, unbuilt = [], []
+    for piece in split(dataset):
+        try:
+            alternatives.append(build_choices(piece, options=options))
+        except SolveError as error:
+            unbuilt.append(Unbuilt(piece, str(error)))
+    if not alternatives and unbuilt:
+        raise SolveError(unbuilt[0].reason)
+    found = lowest(
+        alternatives,
+        lambda submaps: _from(dataset, join(submaps, options=rough), options, progress),
+        partial(excess, dataset.tables),
+    )
+    return accounted(dataset, found, unbuilt)
 
 
 def _from(dataset: Dataset, initial: Joined, options: Options, progress: Callable[[Step], None] | None) -> Joined:

@@ -17,12 +17,14 @@ Rounding of F hides the last of them; they go on while the decrement falls.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array
 from teamslam.joining.build.build import build_choices
+from teamslam.joining.exact.alone import excess
 from teamslam.joining.exact.basins import lowest
 from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of, raw_cost
 from teamslam.joining.exact.robot import Part, Reduced, parts_of
@@ -69,7 +71,7 @@ def exact_join(
         )
         return Joined(tuple(components), first.reasons)
 
-    return lowest(choices, solve)
+    return lowest(choices, solve, partial(excess, [table for piece in pieces for table in piece.tables]))
 
 
 def _rounds(

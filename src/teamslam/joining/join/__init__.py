@@ -1,5 +1,6 @@
 """Algorithm 2: submaps joined into one map, at once or in another order."""
 
+from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.join import Component, Exactness, Joined, join
 from teamslam.joining.join.orders import ORDERS, join_by_tree, join_sequentially
 
@@ -8,6 +9,8 @@ __all__ = [
     "Component",
     "Exactness",
     "Joined",
+    "Unbuilt",
+    "accounted",
     "join",
     "join_by_tree",
     "join_sequentially",

@@ -23,7 +23,7 @@ from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.place import Cluster, place
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
+from teamslam.model import WORLD, Layout, LeftOut, Names, Sources, Submap, Table
 from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
 
@@ -70,10 +70,15 @@ class Component:
 @dataclass(frozen=True, eq=False)
 class Joined:
     """What a team's submaps make together. `components` in the order of their lowest robot; `reasons` says, where there
-    are several, why they could not be joined and what would join them."""
+    are several, why they could not be joined and what would join them.
+
+    Where the log is at hand, `left_out` is all of it that is in no map (see `account`); `remarks` says in words what is
+    in a map though something is to be known of it, such as a submap that stopped short of its optimum."""
 
     components: tuple[Component, ...]
     reasons: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def map(self) -> Submap:

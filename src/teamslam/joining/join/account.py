@@ -1,0 +1,122 @@
+"""The books of a join: whatever went in and is in no map, with the reason (see `model.account`).
+
+It is found by what is missing, not by what was noted on the way, so nothing can be forgotten: rows are looked up in the
+sources of the maps, less those that still wait for something, and variables among the maps' own.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from teamslam.geometry import BoolArray, IntArray
+from teamslam.joining.join.join import Joined
+from teamslam.model import Dataset, LeftOut, Sources, Submap, Table, is_landmark, is_pose, robot_of
+
+
+@dataclass(frozen=True, eq=False)
+class Unbuilt:
+    """A piece of log that no submap could be built of, and why."""
+
+    piece: Dataset
+    reason: str
+
+
+def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> Joined:
+    """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`, every
+    variable and every row once."""
+    return replace(joined, left_out=tuple(_Books(log, [c.map for c in joined.components]).entries(unbuilt)))
+
+
+class _Books:
+    """Rows and variables of a log that are in no map, and whom they are laid to so far."""
+
+    def __init__(self, log: Dataset, maps: Sequence[Submap]) -> None:
+        self.log, self.names = log, log.names
+        self.known = np.unique(np.concatenate([*(m.keys for m in maps), np.zeros(0, np.int64)]))
+        held = {s for m in maps for s in m.sources}
+        waiting = [table for m in maps for table in m.raw]
+        self.open = [_not_held(table, held, waiting) for table in log.tables]
+        self.missing = np.setdiff1d(log.layout.keys, self.known)
+
+    def entries(self, unbuilt: Sequence[Unbuilt]) -> Iterator[LeftOut]:
+        """One for each thing that was left out."""
+        for lost in unbuilt:
+            rows = Sources.of(lost.piece.tables)
+            own = lost.piece.tables[0].robot
+            poses = lost.piece.pose_keys[own]
+            what = (
+                f"robot {self.names.robot(own)} from {self.names.describe(int(poses[0]))} on"
+                if len(poses)
+                else (f"rows of robot {self.names.robot(own)}")
+            )
+            mine = [mask & ~_not_held(t, set(rows), ()) for t, mask in zip(self.log.tables, self.open, strict=True)]
+            yield self._taken("piece", what, poses, mine, lost.reason)
+        for key in self.missing[is_landmark(self.missing)].tolist():
+            rows_of = [m & (t.keys[:, -1] == key) for t, m in zip(self.log.tables, self.open, strict=True)]
+            reason = self._why_open(key, rows_of)
+            yield self._taken("landmark", self.names.describe(key), np.array([key]), rows_of, reason)
+        for robot in np.unique(robot_of(self.missing[is_pose(self.missing)])).tolist():
+            poses = self.missing[robot_of(self.missing) == robot]
+            rows_of = [m & np.isin(t.keys, poses).any(1) for t, m in zip(self.log.tables, self.open, strict=True)]
+            n = len(poses)
+            what = f"{n} pose{'' if n == 1 else 's'} of robot {self.names.robot(robot)}"
+            yield self._taken("poses", what, poses, rows_of, "no map holds them: nothing that its own robot measured "
+                              "from there, or what others saw of it leaves part of them open")  # fmt: skip
+        for number, table in enumerate(self.log.tables):
+            if self.open[number].any():
+                mine = [np.zeros(len(t), bool) for t in self.log.tables]
+                mine[number] = self.open[number]
+                what = f"{table.source} of robot {self.names.robot(table.robot)}"
+                yield self._taken("rows", what, np.zeros(0, np.int64), mine, "they tie together what is in different "
+                                  "maps, or they name what is in none")  # fmt: skip
+        for robot in sorted(self.log.robots):
+            if not len(self.log.pose_keys[robot]):
+                empty = np.zeros(0, np.int64)
+                reason = "its log holds no measurement, and nobody saw it"
+                yield LeftOut("robot", f"robot {self.names.robot(robot)}", empty, Sources(), 0, reason)
+
+    def _taken(self, kind: str, what: str, keys: IntArray, rows: Sequence[BoolArray], reason: str) -> LeftOut:
+        """An entry with some of what is missing, which is then nobody else's."""
+        tables = [t.select(m & o) for t, m, o in zip(self.log.tables, rows, self.open, strict=True)]
+        self.open = [o & ~m for o, m in zip(self.open, rows, strict=True)]
+        gone = np.intersect1d(keys, self.missing)
+        self.missing = np.setdiff1d(self.missing, gone)
+        tables = [t for t in tables if len(t)]
+        return LeftOut(kind, what, gone, Sources.of(tables), sum(map(len, tables)), reason)
+
+    def _why_open(self, key: int, rows: Sequence[BoolArray]) -> str:
+        parts = [t.select(m) for t, m in zip(self.log.tables, rows, strict=True) if m.any()]
+        if not parts:
+            return "what was seen of it went with what is left out above"
+        counts: dict[str, int] = {}
+        seers = 0
+        for part in parts:
+            counts[part.model] = counts.get(part.model, 0) + len(part)
+            seers += int(part.row.unary) or len(np.intersect1d(part.keys[:, 0], self.known))
+        seen = " and ".join(f"{n} {_noun(model, n)}" for model, n in counts.items())
+        if not seers:
+            return f"no pose that saw it is in a map ({seen})"
+        cures = {
+            "bearing": "rays that are nearly parallel leave its distance open; sightings from the side would tell",
+            "range": "ranges from nearly one place or line leave its side open; ranges from elsewhere would tell",
+        }
+        why = cures[next(iter(counts))] if len(counts) == 1 and next(iter(counts)) in cures else "they leave it open"
+        return f"{seen}: {why}"
+
+
+def _noun(model: str, count: int) -> str:
+    words = {"range_bearing": "range and bearing", "relative_pose": "relative pose"}
+    plural = {"range_bearing": "ranges and bearings", "relative_pose": "relative poses"}
+    return words.get(model, model) if count == 1 else plural.get(model, model + "s")
+
+
+def _not_held(table: Table, held: Iterable, waiting: Iterable[Table]) -> BoolArray:
+    """Which rows (m,) of a table are not among some stretches, or still wait."""
+    mine = sorted((s.start, s.stop) for s in held if (s.robot, s.source) == (table.robot, table.source))
+    starts = np.array([a for a, _ in mine], np.int64)
+    stops = np.array([b for _, b in mine], np.int64)
+    at = np.searchsorted(starts, table.ids, side="right") - 1
+    there = (at >= 0) & (table.ids < stops[np.maximum(at, 0)]) if len(mine) else np.zeros(len(table), bool)
+    late = [t.ids for t in waiting if (t.robot, t.source) == (table.robot, table.source)]
+    return np.asarray(~there | (np.isin(table.ids, np.concatenate(late)) if late else False))
