@@ -189,7 +189,7 @@ def _build(piece: Dataset, options: Options) -> tuple[Submap, str]:
 
 def _with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: Sequence[str]) -> Joined:
     lost = [found for found in built if isinstance(found, Unbuilt)]
-    return replace(accounted(log, joined, lost), remarks=tuple(remarks))
+    return accounted(log, replace(joined, remarks=(*joined.remarks, *remarks)), lost)
 
 
 def _on_workers(

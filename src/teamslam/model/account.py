@@ -14,8 +14,8 @@ from teamslam.model.submap import Sources
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """Part of a log that is in no map: of which `kind` ('piece', 'robot', 'poses', 'landmark' or 'rows'), `what` it is
-    in words, the variables (`keys`) and rows (`rows`) that are lost with it, how many rows that is, and the `reason`."""
+    """Part of a log that is in no map: of which `kind` ('piece', 'poses', 'landmark' or 'rows'), `what` it is in words,
+    the variables (`keys`) and rows (`rows`) that are lost with it, how many rows that is, and the `reason`."""
 
     kind: str
     what: str

@@ -26,7 +26,7 @@ Its fields:
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
                                    alone status, cost, errors and exactness by the same names as here; `objective` of
                                    its last solve
-    left_out                       what went in and is in no map, each with `kind` (piece, robot, poses, landmark, rows),
+    left_out                       what went in and is in no map, each with `kind` (piece, poses, landmark, rows),
                                    `what` it is, how many `poses`, `landmarks` and `rows` are lost with it, and the
                                    `reason`
     remarks                        what is in a map though something is to be known of it, in words

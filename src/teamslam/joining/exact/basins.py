@@ -3,19 +3,21 @@
 A robot's own measurements may fit two maps of its way almost equally well, wound one way or the other; what decides is
 the team's cost F. From the lowest optimum of every submap, one submap at a time is exchanged for another of its optima,
 or of the ways to start from, while F falls. Whole solves are what costs, so a choice is first tried alone: `excess`
-solves that one robot's poses with all else held where it is. A way that falls back to the same optimum needs no whole
-solve, nor does one that costs far more; the others are solved, the most promising first, and no more than MOST of them
-in all, however large the team.
+solves that one robot's poses with all else held where it is. Those that lead elsewhere are solved whole, the most
+promising first; then a few of those that fall back alone, for together with the others they sometimes do not. It takes
+no more than MOST whole solves, however large the team.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
+
 from teamslam.joining.join.join import Joined
 from teamslam.model import Submap
 
-MOST = 12  # whole solves beyond the first
+MOST = 24  # whole solves beyond the first
+FEW = 6  # of choices that fall back alone
 SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
-HOPELESS = 32.0  # of cost: what a choice costs more by itself than the team can be expected to make good
 
 
 def lowest(
@@ -52,19 +54,23 @@ def _promising(
     best: Joined,
     excess: Callable[[Joined, Submap], float],
 ) -> Iterator[tuple[int, int]]:
-    """Places and numbers of choices that lead elsewhere by themselves, the cheapest first, one for each optimum."""
+    """Places and numbers of choices, the most promising first: one for each optimum that one leads to by itself, then
+    some that lead to none."""
     same = SAME * (1.0 + _cost(best))
     found: list[tuple[float, int, int]] = []
+    falling: list[tuple[bool, int, int]] = []
     for place, options in enumerate(alternatives):
         for number, submap in enumerate(options):
             if number == choice[place]:
                 continue
             more = excess(best, submap)
             twin = any(other == place and abs(more - known) <= same for known, other, _ in found)
-            if abs(more) > same and more < HOPELESS and not twin:
+            if abs(more) > same and np.isfinite(more) and not twin:
                 found.append((more, place, number))
-    for _, place, number in sorted(found):
-        yield place, number
+            elif np.isfinite(more):
+                falling.append((abs(more) <= same, place, number))  # twins of one that leads elsewhere come first
+    yield from ((place, number) for _, place, number in sorted(found))
+    yield from ((place, number) for _, place, number in sorted(falling)[:FEW])
 
 
 def _cost(joined: Joined) -> float:

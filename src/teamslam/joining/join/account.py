@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
-from teamslam.model import Dataset, LeftOut, Sources, Submap, Table, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, LeftOut, Sources, Stretch, Submap, Table, is_landmark, is_pose, robot_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,12 @@ class Unbuilt:
 
 
 def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> Joined:
-    """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`, every
-    variable and every row once."""
-    return replace(joined, left_out=tuple(_Books(log, [c.map for c in joined.components]).entries(unbuilt)))
+    """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`,
+    every variable and every row once. A robot that brought nothing is a remark."""
+    left_out = tuple(_Books(log, [c.map for c in joined.components]).entries(unbuilt))
+    silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
+    remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
+    return replace(joined, left_out=left_out, remarks=(*joined.remarks, *remarks))
 
 
 class _Books:
@@ -70,11 +73,6 @@ class _Books:
                 what = f"{table.source} of robot {self.names.robot(table.robot)}"
                 yield self._taken("rows", what, np.zeros(0, np.int64), mine, "they tie together what is in different "
                                   "maps, or they name what is in none")  # fmt: skip
-        for robot in sorted(self.log.robots):
-            if not len(self.log.pose_keys[robot]):
-                empty = np.zeros(0, np.int64)
-                reason = "its log holds no measurement, and nobody saw it"
-                yield LeftOut("robot", f"robot {self.names.robot(robot)}", empty, Sources(), 0, reason)
 
     def _taken(self, kind: str, what: str, keys: IntArray, rows: Sequence[BoolArray], reason: str) -> LeftOut:
         """An entry with some of what is missing, which is then nobody else's."""
@@ -111,7 +109,7 @@ def _noun(model: str, count: int) -> str:
     return words.get(model, model) if count == 1 else plural.get(model, model + "s")
 
 
-def _not_held(table: Table, held: Iterable, waiting: Iterable[Table]) -> BoolArray:
+def _not_held(table: Table, held: Iterable[Stretch], waiting: Iterable[Table]) -> BoolArray:
     """Which rows (m,) of a table are not among some stretches, or still wait."""
     mine = sorted((s.start, s.stop) for s in held if (s.robot, s.source) == (table.robot, table.source))
     starts = np.array([a for a, _ in mine], np.int64)
