@@ -102,6 +102,8 @@ def exchange(
             team.append((piece, build(piece)))
             progress("building submaps", number, len(pieces))
     found, names = plan(team, precision, topology=topology, landmarks=landmarks), pieces[0].names
+    if ledger is not None:  # before anything is printed, which may break off
+        _write_ledger(found.ledger(), names, ledger)
     table(f"{log}: bytes on each link", *_costs(found, names))
     worst = [offer.pick.rounding for offer in found.offers]
     if to_the_bit:
@@ -114,7 +116,6 @@ def exchange(
     for dropped in pieces[0].dropped:
         say(f"left out: {dropped.count}: {dropped.reason}")
     if ledger is not None:
-        _write_ledger(found.ledger(), names, ledger)
         say(f"written: {ledger}")
     return 0
 

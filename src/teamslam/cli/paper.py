@@ -47,11 +47,11 @@ def paper(
     made_folder(out)  # before all the work: what cannot be written is known now
     with progress_bar() as progress:
         found = reproduce(runs, poses, seed, progress)
-    say(str(found))
     write_text(out / "tables.txt", f"{found}\n")
     write_text(out / "tables.json", json.dumps(found.to_dict(), indent=2) + "\n")
     figures = figures_of_paper(found)
     for name, figure in figures.items():
         save(figure, out / f"{name}.png")
+    say(str(found))
     say(f"\nwritten: {out}: {', '.join(f'{name}.png' for name in figures)}, tables.txt, tables.json")
     return 1 if any(cell.failed for cell in found.cells) else 0

@@ -276,8 +276,12 @@ def _lines(cell: Cell) -> Iterator[str]:
     yield ""
     yield (
         f"Table {1 + SCENARIOS.index(o.scenario)} ({o.scenario}), {o.poses} poses a robot, sigma_obs "
-        f"{o.sigma_observation:g}, sigma_odom {o.sigma_odometry:g}: median [quartiles] of {cell.runs} runs"
-        + (f", {cell.failed} without a map" if cell.failed else "")
+        f"{o.sigma_observation:g}, sigma_odom {o.sigma_odometry:g}: median [quartiles] of "
+        + (
+            f"{cell.runs - cell.failed} of {cell.runs} runs; the others gave no map"
+            if cell.failed
+            else f"{cell.runs} runs"
+        )
     )
     yield f"  {'RMSE':<16} {'state':<26} {'robot pose':<26} {'landmark':<26} NEES / dof"
     methods = zip(("full NLLS", "submap joining"), (cell.full, cell.join), cell.printed, strict=True)
