@@ -44,9 +44,15 @@ def paper(
     from teamslam.results import made_folder
     from teamslam.results.figures import save
 
+    fresh = not out.exists()
     made_folder(out)  # before all the work: what cannot be written is known now
-    with progress_bar() as progress:
-        found = reproduce(runs, poses, seed, progress)
+    try:
+        with progress_bar() as progress:
+            found = reproduce(runs, poses, seed, progress)
+    except BaseException:
+        if fresh:
+            out.rmdir()
+        raise
     write_text(out / "tables.txt", f"{found}\n")
     write_text(out / "tables.json", json.dumps(found.to_dict(), indent=2) + "\n")
     figures = figures_of_paper(found)
