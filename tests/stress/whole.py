@@ -46,12 +46,15 @@ def _rows(outcome: Outcome, findings: Findings) -> None:
 
 def left_out(outcome: Outcome) -> list[int]:
     """The keys of what a map says it left out."""
-    return []
+    assert outcome.joined is not None
+    return [int(key) for what in outcome.joined.left_out for key in what.keys]
 
 
 def rows_left_out(outcome: Outcome) -> set[tuple[int, str, int]]:
     """The rows that a map says it left out."""
-    return set()
+    assert outcome.joined is not None
+    stretches = [stretch for what in outcome.joined.left_out for stretch in what.rows]
+    return {(s.robot, s.source, n) for s in stretches for n in range(s.start, s.stop)}
 
 
 def _robots_left(outcome: Outcome) -> list[int]:
