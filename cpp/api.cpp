@@ -264,6 +264,15 @@ int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const doub
   });
 }
 
+int32_t teamslam_fault(teamslam_problem* problem, int64_t handle, const double* state, int64_t* row) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    problem->problem.freeze();
+    *row = problem->problem.term(handle).fault(state);
+    return 0;
+  });
+}
+
 int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out) {
   return guarded<int32_t>(-1, [&] { return problem->problem.retraction().move(state, delta, out), 0; });
 }

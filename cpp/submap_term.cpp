@@ -346,6 +346,19 @@ double SubmapTerm::cost(int32_t chunk, const double* state) const {
   return evaluate(state, Wanted::cost, work);
 }
 
+int64_t SubmapTerm::fault(const double* state) const {
+  Work work;
+  evaluate(state, Wanted::all, work);
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    const int64_t start = work.width * pattern_.scalar_start[i], count = work.width * pattern_.dof[i];
+    const int64_t entries = pattern_.dof[i] * dof(variables_.kind[members_[i].variable]);
+    if (!all_finite(work.X.data() + start, count) || !all_finite(work.Y.data() + start, count) ||
+        !all_finite(work.A.data() + largest_jacobian * i, entries))
+      return static_cast<int64_t>(i);
+  }
+  return -1;
+}
+
 // No entry of a positive matrix is larger than the largest of its diagonal.
 double SubmapTerm::sharpest() const {
   double most = 0.0;

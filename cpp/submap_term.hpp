@@ -45,6 +45,7 @@ class SubmapTerm final : public Term {
   double slope(int32_t chunk, const double* state, double* system) const override;
   double cost(int32_t chunk, const double* state) const override;
   double sharpest() const override;
+  int64_t fault(const double* state) const override;
 
  private:
   struct Member {

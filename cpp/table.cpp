@@ -231,6 +231,28 @@ double Table::cost(int32_t chunk, const double* state) const {
   return cost;
 }
 
+// Row by row, through the same loops, into room of its own.
+int64_t Table::fault(const double* state) const {
+  constexpr int64_t block = 36, gradient = 6;
+  const Places here{0, 3 * block, block, 3 * block + gradient, 2 * block};
+  int64_t first = rows_;
+  for (const Run& run : runs_) {
+    Rows row = rows_of(run);
+    row.count = 1, row.places = &here, row.curvature = Curvature::none;
+    for (int64_t i = 0; i < run.count; ++i) {
+      double room[3 * block + 2 * gradient] = {};
+      room[0] = run.loops.linearise(row, state, room) + room[0];
+      if (!all_finite(room, 3 * block + 2 * gradient))
+        first = std::min(first, order_.empty() ? run.first + i : order_[run.first + i]);
+      ++row.state_a;
+      if (row.state_b) ++row.state_b;
+      if (row.weight) ++row.weight;
+      row.z += numbers_, row.whitening += row.whitening_stride;
+    }
+  }
+  return first < rows_ ? first : -1;
+}
+
 void Table::residuals(const double* state, double* out) const {
   const int64_t r = residual_size();
   if (order_.empty()) {

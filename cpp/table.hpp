@@ -43,6 +43,7 @@ class Table final : public Term {
   double linearise(int32_t chunk, const double* state, double* system) const override;
   double slope(int32_t chunk, const double* state, double* system) const override;
   double cost(int32_t chunk, const double* state) const override;
+  int64_t fault(const double* state) const override;
 
  private:
   // Consecutive rows of one chunk between the same kinds of variables.

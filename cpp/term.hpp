@@ -34,6 +34,9 @@ class Term {
   // The most information that it has on any one number; 0 where that is not its business.
   virtual double sharpest() const { return 0.0; }
 
+  // The first row of a table, or member of a submap, of which a residual, Jacobian or cost is not finite; -1: none.
+  virtual int64_t fault(const double*) const { return -1; }
+
   // What H takes in: nothing more (it is information), the curvature of losses, or all (for steps like Newton's).
   void set_curvature(Curvature curvature) { curvature_ = curvature; }
 

@@ -301,6 +301,16 @@ class Problem:
             checked(library.residuals(self._pointer, handle, x, out))
         return out
 
+    def fault(self, state: ArrayLike, handle: int) -> int | None:
+        """The first row of a table, or member of a submap, of which a residual, Jacobian or cost is not finite at
+        `state`; None where all are."""
+        if handle not in self._tables and handle not in self._submaps:
+            raise ModelError(f"handle {handle!r} is no table or submap of this problem")
+        x, row = self._state(state), np.empty(1, np.int64)
+        with self._lock:
+            checked(library.fault(self._pointer, handle, x, row))
+        return None if row[0] < 0 else int(row[0])
+
     def retract(self, state: ArrayLike, delta: ArrayLike) -> Floats:
         """The state moved by delta (scalars,) over the free variables, carried by homes where there are any. Rotations
         are kept orthonormal to rounding."""

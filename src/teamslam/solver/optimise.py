@@ -16,16 +16,17 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from teamslam.errors import InputError, SolveError
-from teamslam.geometry import Array
 from teamslam.model import Values
+from teamslam.solver.faults import fault_at, fault_of_step
 from teamslam.solver.linear import Factor, Matrix
-from teamslam.solver.newton import Bend
-from teamslam.solver.rules import RULES, dot
+from teamslam.solver.newton import Bend, Curvature
+from teamslam.solver.rules import RULES, Proposal, dot, full_step
+from teamslam.solver.saddle import way_down
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, System
 
@@ -57,6 +58,8 @@ SETTLED = 0.3  # [sigmas of an unknown, on average]: a step this small leaves H 
 CHORD = 0.1  # how much shorter than the step before one with its factor must be
 CAUTION = 4.0  # how much larger the share that a step leaves may be than that of the step before
 FORETOLD = 0.25  # the gain from which on a decrease was seen as predicted
+STIFF = 1e-4  # of what the same step would cost were each unknown to go it alone: less is along what is weak
+CORRECTIONS = 6  # steps that bring one back to what stiff measurements hold
 ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
@@ -74,47 +77,47 @@ def optimise(
     """
     search = _Search(system, start, options, progress)
     if system.free.dof == 0:
-        search.status = Status.EMPTY
+        search.status, search.decrement = Status.EMPTY, 0.0
         return search.solution()
     search.factor = factor or system.factor(start)
-    while len(search.history) < options.max_iterations and search.status is Status.MAX_ITERATIONS:
-        trial = search.propose()
-        if trial is None:
-            continue
-        if trial.is_last:
-            search.arrive(trial)
-        else:
-            search.go_on(trial)
-    return search.solution()
+    with np.errstate(over="ignore", invalid="ignore"):
+        while len(search.history) < options.max_iterations and search.status is Status.MAX_ITERATIONS:
+            trial = search.propose()
+            if trial is None:
+                continue
+            if trial.is_last:
+                search.arrive(trial)
+            else:
+                search.go_on(trial)
+        return search.solution()
 
 
 def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> Values:
     """A better start where losses forgive far outliers: under those, a start may lie beyond what they still see.
 
-    Huber's loss of the same scale has one basin for each row; it is solved first, roughly. Where no loss forgives,
-    `start`.
+    Huber's loss of the same scale has one basin for each row; it is solved first, roughly. Where no loss forgives, or
+    where that leads to nothing better (onto the sensor, say, where a landmark may have any bearing), `start`.
     """
     convex = system.convex()
     if convex is system:
         return start
-    return optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
+    try:
+        rough = optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
+    except SolveError:
+        return start
+    return rough if system.cost(rough) < system.cost(start) else start
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A step and where it leads: the decrease that the model predicts, the distance that this means [sigmas] if the
-    step is a full one (else nan), and the distance that it is expected to leave."""
+    """A step, how far it goes [sigmas] (to the optimum of the model where it is a full one), where it leads, how far
+    the optimum is expected to be then, and whether that is near enough."""
 
-    delta: Array
-    predicted: float
-    values: Values
+    step: Proposal
     decrement: float
+    values: Values
     ahead: float
     is_last: bool
-
-    @property
-    def is_full(self) -> bool:
-        return not math.isnan(self.decrement)
 
 
 class _Search:
@@ -131,66 +134,81 @@ class _Search:
     ) -> None:
         self.began = time.perf_counter()
         self.system, self.options, self.rule, self.progress = system, options, RULES[options.rule](), progress
-        self._stand(start, system.linearise(start))
-        if not math.isfinite(self.cost):
-            raise SolveError("the cost is not finite at the start values; look for infinite or coincident start values")
+        self.start = start
+        at = self._look(start, "none")
+        if at is None:
+            raise fault_at(system, start)
+        self._stand(start, at)
         self.history: list[Step] = []
         self.status, self.decrement = Status.MAX_ITERATIONS, math.inf
-        self.start = start
         self.bend = Bend()
+        self.factored: Curvature = "none"  # what the factor at hand holds
         self.settled = False  # whether the factor at hand still serves
         self.before, self.best = math.nan, math.inf  # decrements: of the step before, and the least that rounding hid
+        self.refused_at: Linearised | None = None  # where a full step was refused
 
     def propose(self) -> _Trial | None:
-        """The next step to try; None where H was indefinite and is to be made anew without curvature."""
+        """The next step to try; None where there is none, and something else was done about it."""
         try:
-            delta, predicted, full = self._chord_step() or self.rule.propose(self.factor, self.at)
-        except SolveError:
+            step = self._chord_step() or self._fresh_step()
+        except SolveError as problem:
             if not self.bend.retreat():
-                raise
-            self.settled, self.at = False, self.system.linearise(self.values)
+                raise self._named(problem) from None
+            self.settled, self.at = False, self._looked(self.values)
             return None
-        distance = math.sqrt(max(predicted, 0.0))
-        self.bend.see(distance)
-        self.decrement = distance if full else math.nan
-        ahead = self._ahead(self.decrement)
+        if not np.isfinite(step.delta).all():
+            raise fault_of_step(self.system, step.delta)
+        if not step.is_full and step.predicted <= self._visible():
+            self._out_of_sight()
+            return None
+        decrement = math.sqrt(max(step.predicted, 0.0))
+        self.bend.see(decrement, step.is_full)
+        ahead = self._ahead(decrement) if step.is_full else math.inf
         near = ahead <= self.options.decrement or ahead**2 <= self.options.cost_share * self.cost
-        values = self.system.retract(self.values, delta)
-        return _Trial(delta, predicted, values, self.decrement, ahead, full and near)
+        return _Trial(step, decrement, self.system.retract(self.values, step.delta), ahead, near)
 
     def arrive(self, trial: _Trial) -> None:
         """Take the last step, which is far below what matters, unless rounding makes it worse than it is worth."""
-        cost = self.system.cost(trial.values)
+        cost = self.system.cost(trial.values) if np.isfinite(trial.values.state).all() else math.inf
         taken = cost <= self.cost or cost - self.cost <= 1e-9 * self.cost + self._visible()
         self._note(trial, taken)
+        values, cost = (trial.values, cost) if taken else (self.values, self.cost)
+        if self.system.forgives and self.factored == "none" and self._left_saddle(values):
+            return
         if taken:
-            system, values = self.system, trial.values
-            self.values, self.cost, self.made = values, cost, lambda: system.linearise(values).hessian
+            self.values, self.cost, self.made = values, cost, partial(self._information, values)
         self.status, self.decrement = Status.CONVERGED, trial.ahead
 
     def go_on(self, trial: _Trial) -> None:
         """Take the step if the rule wants it; the status tells where nothing more can be gained."""
-        settling = trial.is_full and trial.decrement < SETTLED * math.sqrt(len(trial.delta))
-        after = self.system.linearise(trial.values, curvature=self.bend.curvature, lazy=settling)
+        settling = trial.step.is_full and trial.decrement < SETTLED * math.sqrt(len(trial.step.delta))
+        after = self._look(trial.values, self.bend.curvature, lazy=settling)
         gain = self._gain(trial, after)
         if gain is None:
-            self.status = Status.FLAT
+            self._stop()
             return
+        if after is not None and gain <= self.rule.needs:
+            trial, after, gain = self._corrected(trial, after, gain)
+            settling = False
         try:
-            accepted = self.rule.hear(gain)
+            accepted = self.rule.hear(gain) and after is not None
         except StopIteration:
-            flat = abs(self.cost - after.cost) <= 1e-12 * self.cost
-            self.status = Status.FLAT if flat else Status.STUCK
+            self._stop()
             return
         self._note(trial, accepted)
         self.settled = accepted and settling
+        if not accepted and trial.step.is_full:
+            self.refused_at = self.at
         if accepted:
+            assert after is not None
             self._stand(trial.values, after)
-            self.before = trial.decrement
+            self.before = trial.decrement if trial.step.is_full else math.nan
 
     def solution(self) -> Solution:
         """The estimate as it stands."""
         system = self.system
+        if self.status is Status.MAX_ITERATIONS:
+            self.decrement = self._distance()
         robust = any(table.loss.name != "squared" for table in system.tables)
         return Solution(
             values=self.values,
@@ -199,32 +217,85 @@ class _Search:
             rows=system.rows,
             dof=system.rows - system.free.dof,
             status=self.status,
-            decrement=0.0 if self.status is Status.EMPTY else self.decrement,
+            decrement=self.decrement,
             history=tuple(self.history),
             made=self.made,
         )
 
-    # --- inside ---------------------------------------------------------------------------------------------------
+    # --- points ---------------------------------------------------------------------------------------------------
+
+    def _look(self, values: Values, curvature: Curvature, lazy: bool = False) -> Linearised | None:
+        """The problem at some values; None where they, or what they cost, are beyond all numbers. Raises SolveError
+        where they cost something and yet have no finite derivative, naming the measurement."""
+        if not np.isfinite(values.state).all():
+            return None
+        at = self.system.linearise(values, curvature=curvature, lazy=lazy)
+        if not math.isfinite(at.cost):
+            return None
+        if not np.isfinite(at.gradient).all():
+            raise fault_at(self.system, values)
+        return at
+
+    def _looked(self, values: Values) -> Linearised:
+        """The problem at values that were looked at before."""
+        return self.system.linearise(values, curvature=self.bend.curvature)
 
     def _stand(self, values: Values, at: Linearised) -> None:
         """Be at these values. Their H without curvature is made when it is asked for."""
         self.values, self.at, self.cost = values, at, at.cost
-        system, bare = self.system, at.curvature == "none"
-        self.made = lambda: at.hessian if bare else system.linearise(values).hessian
+        self.made = lambda: at.information
 
-    def _chord_step(self) -> tuple[Array, float, bool] | None:
+    def _information(self, values: Values) -> Matrix:
+        return self.system.linearise(values).hessian
+
+    # --- steps ----------------------------------------------------------------------------------------------------
+
+    def _fresh_step(self) -> Proposal:
+        """The step of the rule, by a factor made anew."""
+        self.factored = self.at.curvature
+        return self.rule.propose(self.factor, self.at, self.bend.insists)
+
+    def _chord_step(self) -> Proposal | None:
         """The full step by the factor of the step before, where that still serves."""
         if not self.settled:
             return None
-        delta = self.factor.solve(self.at.gradient)
-        predicted = dot(self.at.gradient, delta)
-        return (delta, predicted, True) if predicted < (CHORD * self.decrement) ** 2 else None
+        step = full_step(self.factor, self.at)
+        return step if step.predicted < (CHORD * self.history[-1].decrement) ** 2 else None
+
+    def _corrected(self, trial: _Trial, after: Linearised, gain: float) -> tuple[_Trial, Linearised, float]:
+        """A step along what is weak goes up because it leaves, on a curve, what stiff measurements hold: Newton's steps
+        from there bring it back to them (Nocedal & Wright, sec. 18.3: second-order corrections), towards the least of
+        the cost and of what the damping D adds to it, |x - x0|^2_D. As it was, unless the step is weak, each correction
+        is half as long as what went before, and the cost ends lower."""
+        values, at, gone, damping = trial.values, after, trial.step.delta, trial.step.damping
+        length = float(np.abs(gone).max())
+        if trial.step.predicted > STIFF * dot(self.at.scale * gone, gone):
+            return trial, after, gain
+        for _ in range(CORRECTIONS):
+            try:
+                self.factor.factorise(at.hessian.numbers, damping)
+            except SolveError:
+                break
+            correction = self.factor.solve(at.gradient if damping is None else at.gradient - damping * gone)
+            shorter = float(np.abs(correction).max())
+            if not shorter < 0.5 * length:
+                break
+            length, values, gone = shorter, self.system.retract(values, correction), gone + correction
+            looked = self._look(values, self.bend.curvature)
+            if looked is None:
+                break
+            at = looked
+            if (better := (self.cost - at.cost) / trial.step.predicted) > self.rule.needs:
+                return replace(trial, values=values), at, better
+        return trial, after, gain
 
     def _ahead(self, decrement: float) -> float:
         """How far from the optimum a step leaves us, by how much shorter it is than the one before (Deuflhard, "Newton
         Methods for Nonlinear Problems", 2011, ch. 2): each leaves a share of the distance that hardly grows any
         more."""
         return decrement * min(1.0, CAUTION * decrement / self.before) if self.before > 0.0 else decrement
+
+    # --- what rounding hides ----------------------------------------------------------------------------------------
 
     @cached_property
     def _rounding(self) -> float:
@@ -235,24 +306,81 @@ class _Search:
         """The least difference of costs that rounding does not hide."""
         return self._rounding * math.sqrt(self.cost + 1.0)
 
-    def _gain(self, trial: _Trial, after: Linearised) -> float | None:
+    def _gain(self, trial: _Trial, after: Linearised | None) -> float | None:
         """The actual decrease over the predicted one; None where a full step is hidden by rounding and the decrement no
         longer falls, while a hidden step that is shorter than those before is trusted."""
-        actual, predicted = self.cost - after.cost, trial.predicted
-        gain = actual / predicted if predicted > 0.0 and math.isfinite(after.cost) else -math.inf
+        if after is None:
+            return -math.inf
+        actual, predicted = self.cost - after.cost, trial.step.predicted
+        gain = actual / predicted if predicted > 0.0 else -math.inf
         if gain > FORETOLD and predicted > ROUNDING * self.cost:
             return gain
         # A sum of large terms of both signs rounds earlier than one of squares does.
         hidden = predicted <= self._visible() or (gain <= 0.0 and predicted <= ROUNDING * self.cost)
-        if not (trial.is_full and hidden):
+        if not (trial.step.is_full and hidden):
             return gain
         if not trial.decrement < 0.5 * self.best:
             return None
         self.best = trial.decrement
         return 1.0
 
+    def _out_of_sight(self) -> None:
+        """A damped step is lost in rounding: damping has outlived its reason, or hides that the cost bends down, or
+        this is the end."""
+        self.settled = False
+        if self.at.curvature != "none" and self._left_saddle(self.values):
+            return
+        if self.refused_at is self.at:
+            self._stop()
+        else:
+            self.refused_at = self.at
+            self.rule.reset()
+
+    def _left_saddle(self, values: Values) -> bool:
+        """Whether the cost bends down at `values`, where its gradient is next to nothing, and a way down was taken."""
+        curvature: Curvature = "losses" if self.bend.curvature == "none" else self.bend.curvature
+        at = self.system.linearise(values, curvature=curvature)
+        way = way_down(self.factor, at)
+        self.factored = curvature
+        if way is None:
+            return False
+        length = 1.0
+        while (predicted := way.decrease(length)) > self._visible():
+            moved = self.system.retract(values, length * way.direction)
+            after = self._look(moved, curvature)
+            if after is not None and at.cost - after.cost > 0.25 * predicted:
+                self.bend.follow(curvature)
+                self._stand(moved, after)
+                self.rule.reset()
+                self.settled, self.before, self.best = False, math.nan, math.inf
+                return True
+            length *= 0.5
+        return False
+
+    # --- the end ----------------------------------------------------------------------------------------------------
+
+    def _stop(self) -> None:
+        """No step is to be had any more: at an optimum to rounding, or short of it."""
+        self.decrement = self._distance()
+        small = self.decrement**2 <= max(self._visible(), ROUNDING * self.cost)
+        self.status = Status.FLAT if small else Status.STUCK
+
+    def _distance(self) -> float:
+        """The Newton decrement where the search is [sigmas], by the information. Raises SolveError where that leaves a
+        variable open."""
+        try:
+            self.factor.factorise(self.at.information.numbers)
+        except SolveError as problem:
+            raise self._named(problem) from None
+        return math.sqrt(max(dot(self.at.gradient, self.factor.solve(self.at.gradient)), 0.0))
+
+    def _named(self, problem: SolveError) -> SolveError:
+        """Why H has no factor: numbers that are not finite, or as the factor said."""
+        finite = np.isfinite(self.at.hessian.numbers).all()
+        return problem if finite else fault_at(self.system, self.values)
+
     def _note(self, trial: _Trial, accepted: bool) -> None:
-        largest, elapsed = float(np.abs(trial.delta).max()), time.perf_counter() - self.began
+        largest, elapsed = float(np.abs(trial.step.delta).max()), time.perf_counter() - self.began
         self.history.append(Step(self.cost, trial.decrement, largest, self.rule.damping, accepted, elapsed))
         if self.progress is not None:
             self.progress(self.history[-1])

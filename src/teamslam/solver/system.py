@@ -9,7 +9,7 @@ made in NumPy. Everything above the kernel speaks of keys and Values, everything
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -44,18 +44,29 @@ class SubmapTerm:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """A problem at one point: its cost, g, and H over the free unknowns, with what `curvature` it holds; H is made when
-    it is asked for."""
+    """A problem at one point: its cost, g, and H over the free unknowns, with what `curvature` it holds. H is made when
+    it is asked for; `bare` makes the information, which is H without curvature."""
 
     cost: float
     gradient: Array
     curvature: Curvature
     made: Callable[[], Matrix]
+    bare: Callable[[], Matrix]
 
     @cached_property
     def hessian(self) -> Matrix:
         """H."""
         return self.made()
+
+    @cached_property
+    def information(self) -> Matrix:
+        """J'W'WJ."""
+        return self.hessian if self.curvature == "none" else self.bare()
+
+    @cached_property
+    def scale(self) -> Array:
+        """The diagonal of the information: how stiffly each unknown is held while the others do not move."""
+        return self.information.diagonal()
 
 
 class System:
@@ -106,12 +117,16 @@ class System:
         """
         holds: Curvature = curvature if curvature == "all" or self._robust else "none"
         if lazy and self._all_native:
-            slope = self._problem.slope(values.state)
-            return Linearised(*slope, holds, lambda: self.linearise(values, curvature=holds).hessian)
-        self._set_curvature(holds)
-        blocks = self._numeric_blocks(values)
-        cost, gradient, hessian = self._problem.linearise(values.state, blocks)
-        return Linearised(cost, gradient, holds, lambda: Matrix(self.pattern, hessian, self._analysis))
+            cost, gradient = self._problem.slope(values.state)
+            made = partial(self._hessian, values, holds)
+        else:
+            self._set_curvature(holds)
+            blocks = self._numeric_blocks(values)
+            if not all(np.isfinite(J).all() and np.isfinite(cost) for _, J, cost in blocks.values()):
+                return self._nowhere(values, holds)
+            cost, gradient, numbers = self._problem.linearise(values.state, blocks)
+            made = partial(Matrix, self.pattern, numbers, self._analysis)
+        return Linearised(cost, gradient, holds, made, partial(self._hessian, values, "none"))
 
     def factor(self, values: Values) -> Factor:
         """A factor of H, empty as yet. The structure is analysed at the first call, where the positions in `values`
@@ -145,6 +160,26 @@ class System:
         if self.tables[table].row.native:
             return np.asarray(self._problem.residuals(values.state, handle))
         return self.tables[table].whitened(values)
+
+    def fault(self, table: int, values: Values) -> int | None:
+        """The first row of a table of which a residual, its derivative or its cost is not finite; None where all
+        are."""
+        if self.tables[table].row.native:
+            return self._problem.fault(values.state, self._handles[table])
+        for group in linearise_numerically(self.tables[table], values):
+            numbers = np.concatenate([group.error, group.jacobian.reshape(len(group.rows), -1)], 1)
+            if (bad := ~np.isfinite(numbers).all(1)).any():
+                return int(group.rows[bad].min())
+        return None
+
+    def fault_of_submap(self, which: int, values: Values) -> int | None:
+        """The same of a submap: the place of a variable in its estimate."""
+        return self._problem.fault(values.state, self._submap_handles[which])
+
+    @property
+    def forgives(self) -> bool:
+        """Whether a loss may bend the cost down, so that there are saddles between the basins of its rows."""
+        return any(table.row.native and table.loss.name not in ("squared", "huber") for table in self.tables)
 
     def rounding(self, values: Values) -> float:
         """How large the rounding error of one whitened residual can be at `values`, in sigmas."""
@@ -183,6 +218,14 @@ class System:
         return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names, homes=self._homes)
 
     # --- inside -------------------------------------------------------------------------------------------------
+
+    def _nowhere(self, values: Values, curvature: Curvature) -> Linearised:
+        """What there is at a point where a sensor that people added has no finite residual or derivative."""
+        nothing = partial(Matrix, self.pattern, np.full(self.pattern.size, np.nan), self._analysis)
+        return Linearised(self.cost(values), np.full(self.free.dof, np.nan), curvature, nothing, nothing)
+
+    def _hessian(self, values: Values, curvature: Curvature) -> Matrix:
+        return self.linearise(values, curvature=curvature).hessian
 
     def _set_curvature(self, curvature: Curvature) -> None:
         if curvature == self._curvature:
