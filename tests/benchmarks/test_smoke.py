@@ -23,3 +23,17 @@ def test_the_small_benchmark_runs(dim: int, tmp_path: Path) -> None:
         assert isinstance(ours[part], float)
     assert ours["same_optimum"]
     assert {row["solver"] for row in report["rows"]} | set(report["absent"]) == {"teamslam", "gtsam", "g2opy"}
+
+
+@pytest.mark.parametrize("preset", ["2d", "planar"])
+def test_from_log_to_map_has_a_row_for_every_stage(preset: str, tmp_path: Path) -> None:
+    out = tmp_path / "rows.json"
+    command = [sys.executable, "benchmarks/log_to_map.py", "--preset", preset, "--poses", "60", "--json", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(out.read_text())
+    ours = {row["stage"] for row in report["rows"] if row["tool"] == "teamslam" and "stage" in row}
+    assert ours >= {"read", "split", "join", "exactness", "covariances", "score", "write", "figures"}
+    totals = {row["tool"]: row for row in report["rows"] if "total" in row}
+    assert totals["teamslam"]["total"] > 0.0 and totals["teamslam"]["cost"] > 0.0
+    assert set(totals) | set(report["absent"]) >= {"teamslam", "pandas + GTSAM"}
