@@ -116,7 +116,7 @@ def _judged(parts: tuple[Residuals, ...], rows: Sequence[Rows], dof: int, names:
 
 
 def _level(cost: float, expected: float, band: tuple[float, float]) -> str:
-    if cost > GROSS * expected:
+    if cost > max(GROSS * expected, band[1]):
         return "misfit"
     if cost < LOOSE * expected and cost < band[0]:
         return "loose"

@@ -127,6 +127,7 @@ def residuals_at(tables: Sequence[Table], joined: Submap) -> Residuals:
     whitened = [system.whitened(place, values) for place in range(len(held))]
     weights = [table.loss.weight(np.sum(u**2, -1)) for table, u in zip(held, whitened, strict=True)]
     leverages, followed = _taken_up(system, values, whitened, weights, errors)
+    leverages = _adding_up_to(system.free.dof, leverages, held, errors.shape[1] >= system.free.dof)
     ways = _given_way(held, leverages)
     rows = tuple(map(Rows, held, whitened, weights, leverages, followed, ways))
     decrease = float(np.sum(at.gradient * factor.solve(at.gradient)))
@@ -156,6 +157,16 @@ def _taken_up(
             followed[place] += np.mean(in_parts(given_way, back[place]) ** 2, 0)
     draws = errors.shape[1]
     return [h / draws for h in leverages], [f / draws for f in followed]
+
+
+def _adding_up_to(unknowns: int, leverages: Sequence[Array], tables: Sequence[Table], exact: bool) -> list[Array]:
+    """Leverages that add up to the unknowns, as the trace of H^-1 A'A must: without what draws add to it by chance, or
+    rounding where a step meets a stiff row. Exact ones lie between nothing and the numbers of their row."""
+    leverages = [np.nan_to_num(h) for h in leverages]
+    if exact:
+        leverages = [np.clip(h, 0.0, table.ranks) for h, table in zip(leverages, tables, strict=True)]
+    total = sum(float(h.sum()) for h in leverages)
+    return [h * (unknowns / total) for h in leverages] if total > 0.0 else leverages
 
 
 def _given_way(tables: Sequence[Table], leverages: Sequence[Array]) -> list[float]:
