@@ -228,10 +228,10 @@ def test_any_name_goes_through_every_command_and_terminal(tmp_path: Path) -> Non
         "build pieces --out submaps",
         "join submaps --out map --pieces pieces --truth log",
         "score run log",
-        "exchange log --ledger ledger.csv",
+        "exchange log --ledger ledger-ENCODING.csv",
     ]
     for encoding in ("utf-8", "ascii"):
-        for command in commands:
+        for command in (command.replace("ENCODING", encoding) for command in commands):
             done = call(*command.split(), *(["--force"] if "run --out" in command else []), cwd=tmp_path,
                         PYTHONIOENCODING=encoding, TERM="dumb")  # fmt: skip
             if encoding == "ascii" and "--out" in command:
