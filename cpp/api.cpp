@@ -13,6 +13,7 @@
 
 #include "checks.hpp"
 #include "cholesky.hpp"
+#include "condensation.hpp"
 #include "problem.hpp"
 #include "sparse_rows.hpp"
 
@@ -31,6 +32,10 @@ struct teamslam_analysis {
 
 struct teamslam_factor {
   teamslam::Cholesky cholesky;
+};
+
+struct teamslam_condensation {
+  teamslam::Condensation condensation;
 };
 
 namespace {
@@ -342,4 +347,33 @@ void teamslam_statistics(const teamslam_factor* factor, double numbers[4]) {
   numbers[1] = factor->cholesky.flops();
   numbers[2] = static_cast<double>(factor->cholesky.bytes());
   numbers[3] = static_cast<double>(factor->cholesky.used());
+}
+
+teamslam_condensation* teamslam_condensation_new(int64_t variables, const int32_t* dof, const int64_t* start,
+                                                 const int32_t* column, const double* value, uint8_t* gone,
+                                                 int32_t frugal, int64_t sizes[3]) {
+  return guarded<teamslam_condensation*>(nullptr, [&] {
+    std::vector<double> values;
+    const BlockPattern whole = teamslam::blocks_of({start, column, value}, {dof, dof + variables}, values);
+    auto made = std::make_unique<teamslam_condensation>(teamslam_condensation{
+        teamslam::Condensation(whole, values.data(), {gone, gone + variables}, frugal != 0, threads)});
+    std::copy(made->condensation.gone().begin(), made->condensation.gone().end(), gone);
+    const BlockPattern& stays = made->condensation.pattern();
+    sizes[0] = stays.blocks(), sizes[1] = stays.size(), sizes[2] = made->condensation.failed();
+    return made.release();
+  });
+}
+
+void teamslam_condensation_free(teamslam_condensation* condensation) { delete condensation; }
+
+int32_t teamslam_condensed_rows(const teamslam_condensation* condensation, int64_t* start, int32_t* column,
+                                double* value) {
+  return guarded<int32_t>(-1, [&] {
+    const teamslam::Condensation& made = condensation->condensation;
+    return teamslam::rows_of(made.pattern(), made.values().data(), threads, start, column, value), 0;
+  });
+}
+
+int32_t teamslam_follow(const teamslam_condensation* condensation, const double* stays, double* gone) {
+  return guarded<int32_t>(-1, [&] { return condensation->condensation.follow(stays, gone), 0; });
 }

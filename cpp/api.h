@@ -22,6 +22,7 @@ typedef struct teamslam_blocks teamslam_blocks;
 typedef struct teamslam_problem teamslam_problem;
 typedef struct teamslam_analysis teamslam_analysis;
 typedef struct teamslam_factor teamslam_factor;
+typedef struct teamslam_condensation teamslam_condensation;
 
 TEAMSLAM_API const char* teamslam_error(void);
 TEAMSLAM_API void teamslam_set_threads(int32_t threads);
@@ -119,6 +120,21 @@ TEAMSLAM_API int32_t teamslam_back_substitute(const teamslam_factor* factor, con
 TEAMSLAM_API void teamslam_order(const teamslam_factor* factor, int64_t variables, int32_t* order);
 /* numbers: nonzeros of L, flops of one factorisation, bytes held, the ordering used. */
 TEAMSLAM_API void teamslam_statistics(const teamslam_factor* factor, double numbers[4]);
+
+/* --- Condensed matrices ------------------------------------------------------------------------------------------ */
+
+/* A matrix by rows of scalars without the variables that are `gone` (condensation.hpp); on return `gone` says which went.
+ * sizes: blocks and values of what stays, and -1 or the variable at which a pivot was not positive. */
+TEAMSLAM_API teamslam_condensation* teamslam_condensation_new(int64_t variables, const int32_t* dof,
+                                                              const int64_t* start, const int32_t* column,
+                                                              const double* value, uint8_t* gone, int32_t frugal,
+                                                              int64_t sizes[3]);
+TEAMSLAM_API void teamslam_condensation_free(teamslam_condensation* condensation);
+/* What stays, by rows of scalars: start, column and value as of teamslam_sparse_rows. */
+TEAMSLAM_API int32_t teamslam_condensed_rows(const teamslam_condensation* condensation, int64_t* start, int32_t* column,
+                                             double* value);
+/* The move of what is gone that follows that of what stays. */
+TEAMSLAM_API int32_t teamslam_follow(const teamslam_condensation* condensation, const double* stays, double* gone);
 
 #ifdef __cplusplus
 }

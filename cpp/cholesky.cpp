@@ -131,13 +131,18 @@ int32_t Cholesky::run(const double* values, const double* damping, bool keep_las
 int32_t Cholesky::factor(const double* values, const double* damping) { return run(values, damping, false); }
 
 void Cholesky::Numeric::prepare(const Symbolic& s, int threads) {
+  if (handoff == nullptr) handoff = buffer(s.stack_size[2] + s.stack_size[3] + s.stack_size[4]);
   if (panel == nullptr) {
     panel = buffer(s.panel_total);
-    handoff = buffer(s.stack_size[2] + s.stack_size[3] + s.stack_size[4]);
     inverse.resize(static_cast<size_t>(s.scalars));
     lowest.resize(static_cast<size_t>(s.scalars));
   }
   while (static_cast<int>(workspace.size()) < threads) workspace.push_back(buffer(s.stack_size[0] + s.stack_size[1]));
+}
+
+void Cholesky::put_away() {
+  numeric_->handoff.reset();
+  numeric_->workspace.clear();
 }
 
 double Cholesky::log_determinant() const {

@@ -67,6 +67,9 @@ class Cholesky {
   // last_solution copied into the entries of `last`.
   void back_substitute(const double* last_solution, double* rhs_inout) const;
 
+  // Gives back what only a factorisation needs; solves go on as before, and the next factorisation fetches it anew.
+  void put_away();
+
   const int32_t* order() const;     // variable at each elimination position
   int64_t last_scalars() const;     // m
   int64_t factor_nonzeros() const;  // of L, scalars, lower triangle, with the zeros that amalgamation added

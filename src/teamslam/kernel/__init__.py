@@ -14,6 +14,7 @@ H d = g with H = sum J'W'WJ and g = sum J'W'We; the cost is sum rho(|We|^2), wit
 """
 
 from teamslam.kernel.analysis import POSITIONS_HELP_FROM, Analysis
+from teamslam.kernel.condensation import Condensation
 from teamslam.kernel.factor import Factor, NotPositiveDefinite, Statistics
 from teamslam.kernel.library import set_threads, threads
 from teamslam.kernel.pattern import BlockPattern
@@ -26,6 +27,7 @@ __all__ = [
     "POSITIONS_HELP_FROM",
     "Analysis",
     "BlockPattern",
+    "Condensation",
     "Factor",
     "NotPositiveDefinite",
     "Problem",

@@ -23,7 +23,7 @@ class Numbers:
         return None if array is None else c_void_p(array.__array_interface__["data"][0])
 
 
-# P: a problem, analysis or factor, A: an array, I and L: integers, D: a number.
+# P: a problem, analysis, factor or condensation, A: an array, I and L: integers, D: a number.
 P, A, I, L, D = c_void_p, Numbers, c_int32, c_int64, c_double
 
 # What each function returns and takes, in the order of cpp/api.h.
@@ -68,6 +68,10 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "back_substitute": (I, [P, A, A]),
     "order": (None, [P, L, A]),
     "statistics": (None, [P, A]),
+    "condensation_new": (P, [L, A, A, A, A, A, I, A]),
+    "condensation_free": (None, [P]),
+    "condensed_rows": (I, [P, A, A, A]),
+    "follow": (I, [P, A, A]),
 }
 
 
@@ -143,6 +147,16 @@ def floats(name: str, given: ArrayLike, *shapes: tuple[int | None, ...]) -> Floa
 def integers(name: str, given: ArrayLike, *shapes: tuple[int | None, ...]) -> Integers:
     """`given` as contiguous int64 of one of the shapes (None: any length). Raises ModelError."""
     return np.ascontiguousarray(_array(name, given, "iu", "int64", shapes), np.int64)
+
+
+def indices(name: str, given: ArrayLike, length: int) -> NDArray[np.int32]:
+    """`given` as contiguous int32 of a length, not copied where it is that already. Raises ModelError."""
+    if isinstance(given, np.ndarray) and given.dtype == np.int32 and given.shape == (length,):
+        return np.ascontiguousarray(given)
+    wide = integers(name, given, (length,))
+    if length and (wide.min() < 0 or wide.max() > np.iinfo(np.int32).max):
+        raise ModelError(f"{name}: found {wide.min()} to {wide.max()}, expected 0 to {np.iinfo(np.int32).max}")
+    return wide.astype(np.int32)
 
 
 def _array(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from teamslam.errors import ModelError
-from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
+from teamslam.kernel.library import Floats, Integers, checked, floats, indices, integers, library
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class BlockPattern:
         triangles the lower one counts. The inverse of `sparse_rows`. Raises ModelError for rows that do not fit."""
         sizes = integers("dofs", dofs, (None,)).astype(np.int32)
         rows = integers("row starts", start, (int(sizes.sum()) + 1,))
-        at = integers("columns", columns, (int(rows[-1]),)).astype(np.int32)
+        at = indices("columns", columns, int(rows[-1]))
         numbers = floats("data", data, (int(rows[-1]),))
         counts = np.empty(2, np.int64)
         found = library.blocks_new(len(sizes), sizes, rows, at, numbers, counts)

@@ -86,8 +86,11 @@ class Layout:
     def of(cls, keys: AnyArray, kinds: AnyArray) -> "Layout":
         """The layout of variables given in any order, repetition allowed."""
         keys, kinds = np.asarray(keys, np.int64), np.asarray(kinds, np.int64)
-        pairs = np.unique(np.stack([kinds, keys], -1), axis=0) if len(keys) else np.zeros((0, 2), np.int64)
-        return cls(np.ascontiguousarray(pairs[:, 1]), np.ascontiguousarray(pairs[:, 0]))
+        order = np.lexsort((keys, kinds))
+        keys, kinds = keys[order], kinds[order]
+        fresh = np.ones(len(keys), bool)
+        fresh[1:] = (keys[1:] != keys[:-1]) | (kinds[1:] != kinds[:-1])
+        return cls(keys[fresh], kinds[fresh])
 
     def __len__(self) -> int:
         return len(self.keys)

@@ -9,9 +9,10 @@ The information matrix, not its triangular root, is what is kept: it is sparse w
 root fills in; `square_root` gives the triangle where one is wanted.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NoReturn, overload
 
 import numpy as np
 import scipy.sparse as sp
@@ -73,13 +74,36 @@ class Sources(frozenset[Stretch]):
         return Sources(Stretch(*row) for row in merged)
 
 
+class Made:
+    """A field that holds a matrix, or what makes it when it is first asked for."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, owner: None, kind: type) -> NoReturn: ...
+    @overload
+    def __get__(self, owner: "Submap", kind: type) -> sp.csr_array: ...
+    def __get__(self, owner: "Submap | None", kind: type) -> sp.csr_array:
+        if owner is None:
+            raise AttributeError(self._name)  # dataclasses take this for a field without a default
+        held: sp.csr_array | Callable[[], sp.csr_array] = owner.__dict__[self._name]
+        if callable(held):
+            held = owner.__dict__[self._name] = owner.checked(held())
+        return held
+
+    def __set__(self, owner: "Submap", matrix: sp.csr_array | Callable[[], sp.csr_array]) -> None:
+        owner.__dict__[self._name] = matrix if callable(matrix) else owner.checked(matrix)
+
+
 @dataclass(frozen=True, eq=False)
 class Submap:
     """An estimate with its information, in the frame of its base pose.
 
     `id` and `version`: a newer version of the same id replaces the older. `base`: the key of the pose that is the frame
     (WORLD for surveyed frames), of dimension `base_dim`; not among `values`. `information`: symmetric, sparse,
-    (values.layout.dof, values.layout.dof), in the order of the layout's unknowns. `cost` is what the measurements
+    (values.layout.dof, values.layout.dof), in the order of the layout's unknowns; given as a matrix or as what makes
+    one, which is called when the information is first asked for. `cost` is what the measurements
     inside it cost at its optimum (sum of losses, no factor 1/2); `chi2` their squared whitened residuals; `rows` their
     number.
     """
@@ -89,8 +113,8 @@ class Submap:
     base: int
     base_dim: int
     values: Values
-    information: sp.csr_array
-    sources: Sources
+    information: Made = Made()
+    sources: Sources  # type: ignore[misc]  # what stands before it is no default
     names: Names = field(default_factory=Names)
     raw: tuple[Table, ...] = ()
     cost: float = 0.0
@@ -98,15 +122,22 @@ class Submap:
     rows: int = 0
 
     def __post_init__(self) -> None:
-        n = self.values.layout.dof
-        if self.information.shape != (n, n):
-            raise ModelError(
-                f"submap {self.id}: {n} unknowns need an information matrix ({n}, {n}), found {self.information.shape}"
-            )
         if self.values.layout.contains(self.base):
             raise ModelError(
                 f"submap {self.id}: its base, {self.names.describe(self.base)}, is its frame, not a variable"
             )
+
+    def checked(self, information: sp.csr_array) -> sp.csr_array:
+        """The information, if it fits the unknowns; else ModelError."""
+        n = self.dof
+        if information.shape != (n, n):
+            raise ModelError(
+                f"submap {self.id}: {n} unknowns need an information matrix ({n}, {n}), found {information.shape}"
+            )
+        return information
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"information": self.information}  # what makes it does not travel
 
     @property
     def dof(self) -> int:

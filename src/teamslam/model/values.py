@@ -4,7 +4,7 @@
 the native kernel and numpy read the same memory.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +44,18 @@ class Values:
         if not keys:
             return cls(Layout(np.zeros(0, np.int64), np.zeros(0, np.int64)), np.zeros(0))
         return cls(Layout(np.concatenate(keys), np.concatenate(kinds)), np.concatenate(states))
+
+    @classmethod
+    def together(cls, parts: Sequence["Values"]) -> "Values":
+        """The variables of several estimates, of which no two know the same one (ModelError)."""
+        keys, kinds, state = (
+            np.concatenate(column)
+            for column in zip(*((p.layout.keys, p.layout.kinds, p.state) for p in parts), strict=True)
+        )
+        order = np.lexsort((keys, kinds))
+        sizes = KIND_SIZE[kinds]
+        starts = np.cumsum(sizes) - sizes
+        return cls(Layout(keys[order], kinds[order]), state[rows_of(starts[order], sizes[order])])
 
     def __len__(self) -> int:
         return len(self.layout)

@@ -16,7 +16,8 @@ from teamslam.io.maps.tum import write_trajectories
 from teamslam.io.submaps.arrays import read_submap
 from teamslam.joining import Component, Joined
 from teamslam.joining.join.homes import homes
-from teamslam.joining.join.join import in_order, joined_map, usable_rows
+from teamslam.joining.join.join import in_order
+from teamslam.joining.join.optimum import joined_map, usable_rows
 from teamslam.joining.place.stack import Stack
 from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, robot_of
 from teamslam.model.layout import rows_of

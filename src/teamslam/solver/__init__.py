@@ -1,5 +1,6 @@
 """Nonlinear weighted least squares over poses and points. It cannot know what a submap is for."""
 
+from teamslam.solver.condensed import Condensed
 from teamslam.solver.covariance import Covariances
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
@@ -11,6 +12,7 @@ from teamslam.solver.system import Linearised, SubmapTerm, System
 
 __all__ = [
     "RULES",
+    "Condensed",
     "Covariances",
     "Factor",
     "Graduated",

@@ -15,12 +15,11 @@ from teamslam.joining.condense.condense import (
     condense,
     condense_partially,
     expand,
-    schur_complement,
     separators,
 )
 from teamslam.joining.condense.worth import worth_eliminating
 from teamslam.model import Kind, Layout, Submap, is_landmark
-from teamslam.solver import Covariances, Options
+from teamslam.solver import Condensed, Covariances, Options
 from worlds import WORLDS, team
 
 TO_THE_END = Options(decrement=1e-12, cost_share=0.0)
@@ -118,7 +117,7 @@ def test_partial_condensation_never_grows_the_message(seed: int) -> None:
     candidates = rng.random(n) < 0.8
     gone = worth_eliminating(layout, information, candidates)
     assert not gone[~candidates].any()
-    rest = schur_complement(layout, information, gone)
+    rest = Condensed(layout, information, gone).information
     assert len(sp.triu(rest).data) <= len(sp.triu(information).data)
     inner = np.repeat(gone, 2)
     dense = information.toarray()

@@ -11,7 +11,7 @@ a partial condensation eliminates interiors only while the message shrinks, and 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,9 @@ import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
-from teamslam.joining.condense.worth import block_couplings, worth_eliminating
+from teamslam.joining.condense.worth import worth_eliminating
 from teamslam.model import Kind, Layout, Submap, Values, is_landmark
-from teamslam.solver import Factor, SubmapTerm, System, block_matrix
+from teamslam.solver import Condensed, SubmapTerm, System
 
 
 def separators(submaps: Iterable[Submap], *, landmarks: bool = False) -> dict[str, IntArray]:
@@ -74,65 +74,18 @@ def _without(submap: Submap, gone: BoolArray) -> tuple[Submap, "Interior"]:
                 f"submap {submap.id}: its raw {table.source} name {submap.names.describe(key)}, which would be "
                 f"condensed away; keep what raw measurements name (teamslam.joining.separators does)"
             )
-    kept = submap.values.select(~gone)
-    small = replace(
-        submap,
-        values=kept,
-        information=schur_complement(layout, submap.information, gone),
-        rows=submap.rows - (submap.dof - kept.layout.dof),
-    )
-    return small, Interior(submap, layout.keys[gone])
+    interior = Interior(submap, layout.keys[gone])
+    return interior.rest, interior
 
 
-def schur_complement(layout: Layout, information: sp.csr_array, gone: BoolArray) -> sp.csr_array:
-    """I_ss - I_sb I_bb^-1 I_bs, sparse, over the variables that are not `gone` (n,), in the order of the layout.
-
-    Interiors that do not touch each other are eliminated apart from each other, so only what each group of them
-    connects fills in. Raises SolveError where an interior is not determined by the rest.
+def condense_what_pays(submap: Submap, gone: BoolArray) -> tuple[Submap, "Interior"]:
+    """The submap without those of the variables marked in `gone` (n,) whose elimination leaves fewer numbers, all
+    together or group by group (cpp/condensation.hpp); raw measurements must not name them. Much quicker than
+    `condense_partially`, which looks at each variable. Raises SolveError where an interior is not determined.
     """
-    unknown_gone = np.repeat(gone, layout.dofs)
-    stays = np.flatnonzero(~unknown_gone)
-    place = np.cumsum(~unknown_gone) - 1
-    parts = [sp.coo_array(information[stays][:, stays])]
-    for group, edge in _groups(layout, information, gone):
-        members = np.sort(np.concatenate([group, edge]))
-        local = layout.select(np.isin(np.arange(len(layout)), members))
-        unknowns = _unknowns(layout, members)
-        matrix = sp.coo_array(information[unknowns][:, unknowns])
-        last = np.flatnonzero(~gone[members])
-        inner = np.repeat(gone[members], local.dofs)
-        touches = inner[matrix.row] | inner[matrix.col]
-        matrix = sp.coo_array((matrix.data[touches], (matrix.row[touches], matrix.col[touches])), shape=matrix.shape)
-        pattern, numbers = block_matrix(local, sp.csr_array(matrix))
-        change, _ = Factor(local, pattern, last=last).eliminate(numbers, np.zeros(local.dof))
-        at = place[_unknowns(layout, edge)]
-        rows, columns = np.meshgrid(at, at, indexing="ij")
-        change = 0.5 * (change + change.T)
-        parts.append(sp.coo_array((change.ravel(), (rows.ravel(), columns.ravel())), shape=(len(stays), len(stays))))
-    data, rows, columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "row", "col"))
-    return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(len(stays), len(stays))))
-
-
-def _groups(layout: Layout, information: sp.csr_array, gone: BoolArray) -> list[tuple[IntArray, IntArray]]:
-    """The groups of interiors that hang together, each with the kept variables that it touches: places, rising."""
-    from scipy.sparse.csgraph import connected_components
-
-    couplings = block_couplings(layout, information)
-    inner = np.flatnonzero(gone)
-    if not len(inner):
-        return []
-    count, label = connected_components(couplings[inner][:, inner], directed=False)
-    edges = sp.coo_array(couplings[inner])
-    outward = ~gone[edges.col]
-    pairs = np.unique(np.stack([label[edges.row[outward]], edges.col[outward]], -1), axis=0)
-    order = np.argsort(label, kind="stable")
-    groups = np.split(inner[order], np.flatnonzero(np.diff(label[order])) + 1)
-    touched = np.split(pairs[:, 1], np.searchsorted(pairs[:, 0], np.arange(1, count)))
-    return [(group, np.asarray(edge, np.int64)) for group, edge in zip(groups, touched, strict=True) if len(edge)]
-
-
-def _unknowns(layout: Layout, places: IntArray) -> IntArray:
-    return layout.unknowns(layout.keys[places])
+    found = Condensed(submap.values.layout, submap.information, gone, frugal=True, names=submap.names)
+    interior = Interior(submap, submap.values.layout.keys[found.gone], found)
+    return interior.rest, interior
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +94,18 @@ class Interior:
 
     submap: Submap
     keys: IntArray
+    made: Condensed | None = field(default=None, repr=False)  # where it was eliminated already
+
+    @cached_property
+    def rest(self) -> Submap:
+        """The submap without them."""
+        kept = self.submap.values.select(~self._gone)
+        return replace(
+            self.submap,
+            values=kept,
+            information=self._condensed.information,
+            rows=self.submap.rows - (self.submap.dof - kept.layout.dof),
+        )
 
     def recover(self, joined: Submap) -> Values:
         """The interiors' estimate in the frame of the joined map: what joining the whole submap would have given.
@@ -163,25 +128,16 @@ class Interior:
             return self.submap.values.select(self._gone)
         frame = known.poses_of(np.array(self.submap.base), self.submap.base_dim)
         error = self.submap.values.select(~self._gone).minus(_seen_from(frame, known, layout.select(~self._gone)))
-        shift = self._factor.solve(self._coupling @ error)  # -e_b
-        return self.submap.values.select(self._gone).retract(shift).transform(frame)
+        return self.submap.values.select(self._gone).retract(self._condensed.follow(-error)).transform(frame)
 
     @cached_property
     def _gone(self) -> BoolArray:
         return np.isin(self.submap.values.layout.keys, self.keys)
 
     @cached_property
-    def _coupling(self) -> sp.csr_array:
-        unknown_gone = np.repeat(self._gone, self.submap.values.layout.dofs)
-        inner, outer = np.flatnonzero(unknown_gone), np.flatnonzero(~unknown_gone)
-        return sp.csr_array(self.submap.information[inner][:, outer])
-
-    @cached_property
-    def _factor(self) -> Factor:
-        layout = self.submap.values.layout
-        inner = np.flatnonzero(np.repeat(self._gone, layout.dofs))
-        matrix = sp.csr_array(self.submap.information[inner][:, inner])
-        return Factor.of(layout.select(self._gone), matrix, self.submap.names)
+    def _condensed(self) -> Condensed:
+        submap = self.submap
+        return self.made or Condensed(submap.values.layout, submap.information, self._gone, names=submap.names)
 
 
 def disagreement(submap: Submap, joined: Submap) -> Array:
@@ -225,10 +181,9 @@ def expand(joined: Submap, interiors: Sequence[Interior] | Mapping[str, Interior
         fixed = np.array([joined.base]) if members.layout.contains(joined.base) else np.zeros(0, np.int64)
         system = System(members.layout, submaps=[SubmapTerm.of(interior.submap)], fixed=fixed)
         whole = system.linearise(members).hessian.to_csr()
-        gone = np.isin(system.free.keys, interior.keys)
-        rest = schur_complement(system.free, whole, gone)
+        rest = Condensed(system.free, whole, np.isin(system.free.keys, interior.keys))
         pieces.append(_placed(whole, system.free, values.layout))
-        pieces.append(-_placed(rest, system.free.select(~gone), values.layout))
+        pieces.append(-_placed(rest.information, rest.layout, values.layout))
     return replace(
         joined,
         values=values,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.joining.exact.gap import point_of
-from teamslam.joining.join.join import usable_rows
+from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Submap, Table
 from teamslam.solver import System
 

@@ -78,7 +78,7 @@ def _full(
         base=joined.base,
         base_dim=joined.base_dim,
         values=solution.values.select(keep),
-        information=solution.information,
+        information=lambda: solution.information,
         sources=Sources.of(tables),
         names=dataset.names,
         cost=solution.cost,

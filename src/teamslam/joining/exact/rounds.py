@@ -29,7 +29,8 @@ from teamslam.joining.exact.basins import lowest
 from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of, raw_cost
 from teamslam.joining.exact.robot import Part, Reduced, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
-from teamslam.joining.join.join import Component, Joined, in_order, join, joined_map
+from teamslam.joining.join.join import Component, Joined, in_order, join
+from teamslam.joining.join.optimum import joined_map
 from teamslam.model import Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.newton import Bend, Curvature

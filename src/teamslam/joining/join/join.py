@@ -1,30 +1,27 @@
 """Algorithm 2: submaps joined into one map, minimising g(G) = sum_i |S^_i (-) H_i(G)|^2 weighed by I_i (paper, eq. 11).
 
+    spare:  what only one submap knows, where that is most of it, is eliminated first: it changes nothing but the time
     place:  where each submap's frame lies, in closed form
-    solve:  all frames and variables together; raw measurements that travel with the submaps join in; where the
+    solve:  all frames and shared variables together; raw measurements that travel with the submaps join in; where the
             frames have several assemblies, from each, and the lowest cost counts
-    keep :  G^ and its information: a submap again
+    keep :  G^, all variables back in it, and its information: a submap again
 
 A join is a pure function of the set of submaps: they are put in order by id before anything is computed. It refuses to
 count a measurement twice. Submaps that nothing holds together come back as separate components, with the reason.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import IntArray, Pose
 from teamslam.joining.join.double_counting import refuse_double_counting
-from teamslam.joining.join.gauge import anchor
-from teamslam.joining.join.homes import homes
-from teamslam.joining.join.start_values import start_values
+from teamslam.joining.join.interiors import Member, members_of
+from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, place
-from teamslam.joining.place.stack import Stack
-from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import WORLD, Layout, LeftOut, Names, Sources, Submap, Table
-from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
+from teamslam.model import LeftOut, Submap
+from teamslam.solver import Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
 
 RULED_OUT = 16.0  # of cost: four sigmas; an assembly that costs more is not mentioned
@@ -106,8 +103,9 @@ def join(
     """
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
-    placement = place(ordered)
-    components = [_join_cluster(ordered, cluster, options, progress) for cluster in placement.clusters]
+    members = members_of(ordered)
+    placement = place([member.joined for member in members])
+    components = [_join_cluster(members, cluster, options, progress) for cluster in placement.clusters]
     return Joined(tuple(components), tuple(placement.reasons))
 
 
@@ -126,78 +124,29 @@ def in_order(submaps: Iterable[Submap]) -> list[Submap]:
 
 
 def _join_cluster(
-    submaps: Sequence[Submap], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
+    members: Sequence[Member], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
 ) -> Component:
-    members = [submaps[number] for number in cluster.members]
-    found = [_join_from(members, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
-    found.sort(key=lambda component: component.map.cost)
-    return replace(
-        found[0], ambiguities=tuple(_ambiguity(found[0], other) for other in found[1:] if _close(found[0], other))
-    )
+    """The best of the optima from all assemblies of the members' frames; others that come close are named."""
+    inside = [members[number] for number in cluster.members]
+    ids = tuple(sorted(member.whole.id for member in inside))
+    if len(inside) == 1 and not inside[0].whole.raw:
+        return Component(inside[0].whole, None, ids)
+    found = [Optimum.of(inside, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
+    found.sort(key=lambda optimum: optimum.cost)
+    best = found[0]
+    ambiguities = tuple(_ambiguity(best, other) for other in found[1:] if _close(best, other))
+    return Component(best.map, best.solution, ids, ambiguities=ambiguities)
 
 
-def _join_from(
-    members: Sequence[Submap], frames: Sequence[Pose], options: Options, progress: Callable[[Step], None] | None
-) -> Component:
-    """The optimum from one assembly of the members' frames."""
-    ids = tuple(sorted(m.id for m in members))
-    raw = [table for member in members for table in member.raw]
-    if len(members) == 1 and not raw:
-        return Component(members[0], None, ids)
-    names = members[0].names.merge(m.names for m in members[1:])
-    stack = Stack.of(members)
-    start = triangulate(start_values(stack, frames), raw)
-    usable, _ = usable_rows(raw, start.layout)
-    start, fixed = anchor(start, members[0], usable)
-    terms = [SubmapTerm.of(member) for member in members]
-    carried = homes(start.layout, stack)
-    system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, homes=carried)
-    solution = optimise(system, convex_start(system, start, options), options, progress)
-    return Component(joined_map(members, usable, solution, fixed, names), solution, ids)
-
-
-def _close(best: Component, other: Component) -> bool:
+def _close(best: Optimum, other: Optimum) -> bool:
     """Whether another optimum cannot be ruled out, and is another one."""
-    apart = np.abs(other.map.values.minus(best.map.values)).max() > 1e-3
-    return bool(apart) and other.map.cost - best.map.cost < RULED_OUT
+    apart = np.abs(other.shared.values.minus(best.shared.values)).max() > 1e-3
+    return bool(apart) and other.cost - best.cost < RULED_OUT
 
 
-def _ambiguity(best: Component, other: Component) -> str:
+def _ambiguity(best: Optimum, other: Optimum) -> str:
     return (
         f"ambiguous: {len(best.members)} submaps fit together in another way too, such as mirrored; this map costs "
-        f"{best.map.cost:.6g}, the other {other.map.cost:.6g}. One more common landmark, or one sighting of a robot's "
+        f"{best.cost:.6g}, the other {other.cost:.6g}. One more common landmark, or one sighting of a robot's "
         f"pose, would decide"
-    )
-
-
-def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
-    """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap."""
-    usable, waiting = [], []
-    for table in raw:
-        ready = np.asarray(layout.contains(table.keys).all(1))
-        usable += [table.select(ready)] if ready.any() else []
-        waiting += [table.select(~ready)] if not ready.all() else []
-    return usable, waiting
-
-
-def joined_map(
-    members: Sequence[Submap], raw: Sequence[Table], solution: Solution, fixed: IntArray, names: Names
-) -> Submap:
-    """The joined map as a submap, in the frame of the fixed pose (or the world's)."""
-    _, waiting = usable_rows([t for m in members for t in m.raw], solution.values.layout)
-    keep = ~np.isin(solution.values.layout.keys, fixed)
-    base, base_dim = (int(fixed[0]), members[0].base_dim) if len(fixed) else (WORLD, members[0].base_dim)
-    return Submap(
-        id="+".join(sorted(m.id for m in members)),
-        version=max(m.version for m in members),
-        base=base,
-        base_dim=base_dim,
-        values=solution.values.select(keep),
-        information=solution.information,
-        sources=Sources().merge(*(m.sources for m in members)),
-        names=names,
-        raw=tuple(waiting),
-        cost=solution.cost + sum(m.cost for m in members),
-        chi2=solution.chi2 + sum(m.chi2 for m in members),
-        rows=sum(m.rows for m in members) + sum(t.dof for t in raw),
     )

@@ -1,0 +1,75 @@
+"""What nobody else knows is eliminated before a join, and put back after it.
+
+    min over b of |S^ (-) h(G)|^2_I  =  |S^_s (-) h_s(G)|^2_Lambda        s: shared, b: interiors, exactly (`condense`)
+
+So a join iterates on what is shared alone, and the map that it ends with is the map. This pays where interiors are the
+larger part of a submap and many: a few of them cost more to take out than to carry along.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.errors import SolveError
+from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.joining.condense.condense import Interior, condense_what_pays
+from teamslam.joining.place.stack import Stack
+from teamslam.model import Submap, Values
+from teamslam.model.layout import KIND_DOF
+
+LEAST = 100  # unknowns of a submap's interiors from which on their elimination pays
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A submap in a join: `whole`, and what of it is joined, where that is less."""
+
+    whole: Submap
+    interior: Interior | None = None
+
+    @property
+    def joined(self) -> Submap:
+        """What is joined of it."""
+        return self.whole if self.interior is None else self.interior.rest
+
+
+def members_of(submaps: Sequence[Submap]) -> list[Member]:
+    """The submaps, each without the interiors whose elimination pays."""
+    if len(submaps) == 1 and not submaps[0].raw:
+        return [Member(submaps[0])]
+    stack = Stack.of(submaps)
+    inner = ~np.isin(stack.keys, shared_keys(stack, submaps))
+    dofs = KIND_DOF[stack.kinds]
+    count = len(submaps)
+    pays = worth_it(np.bincount(stack.holder, dofs * inner, count), np.bincount(stack.holder, dofs, count))
+    found = [Member(submap) for submap in submaps]
+    for number in np.flatnonzero(pays).tolist():
+        found[number] = _without_interiors(submaps[number], inner[stack.holder == number])
+    return found
+
+
+def worth_it(inside: Array, unknowns: Array) -> BoolArray:
+    """Whether eliminating interiors pays, in submaps with so many unknowns inside, of so many in all."""
+    return np.asarray((inside >= LEAST) & (2.0 * inside > unknowns))
+
+
+def shared_keys(stack: Stack, submaps: Sequence[Submap]) -> IntArray:
+    """The variables that more than one of the stacked submaps knows, its frame included, or that raw rows name."""
+    keys, known = np.unique(np.concatenate([stack.keys, stack.bases]), return_counts=True)
+    raw = [table.keys.ravel() for submap in submaps for table in submap.raw]
+    return np.concatenate([keys[known > 1], *raw])
+
+
+def _without_interiors(submap: Submap, inner: BoolArray) -> Member:
+    try:
+        _, interior = condense_what_pays(submap, inner)
+    except SolveError:
+        return Member(submap)  # a variable is not determined: the join, should there be one, names it
+    return Member(submap, interior) if len(interior.keys) else Member(submap)
+
+
+def restored(members: Sequence[Member], joined: Values) -> Values:
+    """The joined estimate with all interiors put back."""
+    inside = [m.interior.recover_from(joined) for m in members if m.interior is not None]
+    return Values.together([joined, *inside]) if inside else joined

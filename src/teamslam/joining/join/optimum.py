@@ -1,0 +1,114 @@
+"""The optimum of a join from one assembly of its members' frames, as a solution and as a map.
+
+The solver works on what is shared; H over everything, interiors put back, is made when somebody asks for it.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from teamslam.geometry import IntArray, Pose
+from teamslam.joining.join.gauge import anchor
+from teamslam.joining.join.homes import homes
+from teamslam.joining.join.interiors import Member, restored
+from teamslam.joining.join.start_values import start_values
+from teamslam.joining.place.stack import Stack
+from teamslam.joining.start.triangulate import triangulate
+from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
+from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """`shared`: the solution for what is shared, from the raw rows `used` and with the variables `fixed` held."""
+
+    members: Sequence[Member]
+    shared: Solution
+    used: Sequence[Table]
+    fixed: IntArray
+    names: Names
+
+    @classmethod
+    def of(
+        cls,
+        members: Sequence[Member],
+        frames: Sequence[Pose],
+        options: Options,
+        progress: Callable[[Step], None] | None,
+    ) -> "Optimum":
+        """The optimum from these frames of the members."""
+        submaps = [member.joined for member in members]
+        raw = [table for submap in submaps for table in submap.raw]
+        names = submaps[0].names.merge(m.names for m in submaps[1:])
+        stack = Stack.of(submaps)
+        start = triangulate(start_values(stack, frames), raw)
+        usable, _ = usable_rows(raw, start.layout)
+        start, fixed = anchor(start, submaps[0], usable)
+        terms = [SubmapTerm.of(submap) for submap in submaps]
+        carried = homes(start.layout, stack)
+        system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, homes=carried)
+        solution = optimise(system, convex_start(system, start, options), options, progress)
+        return cls(members, solution, usable, fixed, names)
+
+    @property
+    def cost(self) -> float:
+        """What the map costs: the submaps' own costs, and what joining them adds."""
+        return self.shared.cost + sum(member.whole.cost for member in self.members)
+
+    @cached_property
+    def solution(self) -> Solution:
+        """The solution with all interiors put back: what joining the whole submaps gives."""
+        if all(member.interior is None for member in self.members):
+            return self.shared
+        values = restored(self.members, self.shared.values)
+        terms = [SubmapTerm.of(member.whole) for member in self.members]
+
+        def system() -> System:
+            return System(values.layout, tables=self.used, submaps=terms, fixed=self.fixed, names=self.names)
+
+        return replace(
+            self.shared,
+            values=values,
+            rows=self.shared.rows + sum(member.whole.dof - member.joined.dof for member in self.members),
+            made=lambda: system().linearise(values).hessian,
+        )
+
+    @property
+    def map(self) -> Submap:
+        """The joined map."""
+        return joined_map([m.whole for m in self.members], self.used, self.solution, self.fixed, self.names)
+
+
+def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
+    """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap."""
+    usable, waiting = [], []
+    for table in raw:
+        ready = np.asarray(layout.contains(table.keys).all(1))
+        usable += [table.select(ready)] if ready.any() else []
+        waiting += [table.select(~ready)] if not ready.all() else []
+    return usable, waiting
+
+
+def joined_map(
+    members: Sequence[Submap], raw: Sequence[Table], solution: Solution, fixed: IntArray, names: Names
+) -> Submap:
+    """The joined map as a submap, in the frame of the fixed pose (or the world's)."""
+    _, waiting = usable_rows([t for m in members for t in m.raw], solution.values.layout)
+    keep = ~np.isin(solution.values.layout.keys, fixed)
+    base, base_dim = (int(fixed[0]), members[0].base_dim) if len(fixed) else (WORLD, members[0].base_dim)
+    return Submap(
+        id="+".join(sorted(m.id for m in members)),
+        version=max(m.version for m in members),
+        base=base,
+        base_dim=base_dim,
+        values=solution.values.select(keep),
+        information=lambda: solution.information,
+        sources=Sources().merge(*(m.sources for m in members)),
+        names=names,
+        raw=tuple(waiting),
+        cost=solution.cost + sum(m.cost for m in members),
+        chi2=solution.chi2 + sum(m.chi2 for m in members),
+        rows=sum(m.rows for m in members) + sum(t.dof for t in raw),
+    )
