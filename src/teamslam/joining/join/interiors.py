@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import SolveError
-from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.condense.condense import Interior, condense_what_pays
 from teamslam.joining.place.stack import Stack
 from teamslam.model import Submap, Values
 from teamslam.model.layout import KIND_DOF
+from teamslam.solver import side_by_side
 
 LEAST = 100  # unknowns of a submap's interiors from which on their elimination pays
 
@@ -40,18 +41,19 @@ def members_of(submaps: Sequence[Submap]) -> list[Member]:
         return [Member(submaps[0])]
     stack = Stack.of(submaps)
     inner = ~np.isin(stack.keys, shared_keys(stack, submaps))
-    dofs = KIND_DOF[stack.kinds]
-    count = len(submaps)
-    pays = worth_it(np.bincount(stack.holder, dofs * inner, count), np.bincount(stack.holder, dofs, count))
+    dofs, count = KIND_DOF[stack.kinds], len(submaps)
+    inside, unknowns = (np.bincount(stack.holder, of, count).astype(np.int64) for of in (dofs * inner, dofs))
+    pays = np.flatnonzero(worth_it(inside, unknowns)).tolist()
     found = [Member(submap) for submap in submaps]
-    for number in np.flatnonzero(pays).tolist():
-        found[number] = _without_interiors(submaps[number], inner[stack.holder == number])
+    spared = side_by_side(lambda n: _without_interiors(submaps[n], inner[stack.holder == n]), pays)
+    for number, member in zip(pays, spared, strict=True):
+        found[number] = member
     return found
 
 
-def worth_it(inside: Array, unknowns: Array) -> BoolArray:
+def worth_it(inside: IntArray, unknowns: IntArray) -> BoolArray:
     """Whether eliminating interiors pays, in submaps with so many unknowns inside, of so many in all."""
-    return np.asarray((inside >= LEAST) & (2.0 * inside > unknowns))
+    return np.asarray((inside >= LEAST) & (2 * inside > unknowns))
 
 
 def shared_keys(stack: Stack, submaps: Sequence[Submap]) -> IntArray:

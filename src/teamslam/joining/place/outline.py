@@ -12,7 +12,7 @@ import numpy as np
 
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, rotations
 from teamslam.joining.start.targets import WHOLE, measured_positions
-from teamslam.model import Kind, Submap, Table, robot_of, unpack, variances
+from teamslam.model import WORLD, Kind, Submap, Table, is_landmark, robot_of, unpack, variances
 from teamslam.solver import Covariances
 
 MOST_JOINT = 200  # landmarks whose covariance is taken together: a dense matrix
@@ -71,10 +71,11 @@ def outline_of_chain(submaps: Sequence[Submap], frames: Sequence[Pose], shared: 
     """What a chain knows of the `shared` keys, in the frame of its first submap; `frames` are its submaps' bases
     there."""
     loose: dict[int, tuple[float, float]] = {submaps[0].base: (0.0, 0.0)}
+    own = np.array([submap.base for submap in submaps])
     parts = []
     for submap, frame in zip(submaps, frames, strict=True):
-        placed = _sketch(submap, shared).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
-        bases = placed.only(np.array([other.base for other in submaps]))
+        placed = _sketch(submap, np.union1d(shared, own)).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
+        bases = placed.only(own)
         for key, place, turn in zip(bases.keys, bases.variances, bases.turn_variances, strict=True):
             loose.setdefault(int(key), (float(place), float(turn)))
         parts.append(placed)
@@ -86,15 +87,15 @@ def known_keys(submap: Submap) -> IntArray:
     return np.concatenate([submap.keys, *(t.keys[:, 1] for t in submap.raw if not t.row.unary)])
 
 
-def _sketch(submap: Submap, shared: IntArray) -> Outline:
-    """A submap's own variables, then what its raw sightings show of others."""
+def _sketch(submap: Submap, wanted: IntArray) -> Outline:
+    """Of a submap's own variables the `wanted` ones, then what its raw sightings show of others."""
     values = submap.all_values
-    keys = values.layout.keys
-    poses = values.layout.kinds < 2
+    there = np.isin(values.layout.keys, wanted)
+    keys, poses = values.layout.keys[there], values.layout.kinds[there] < 2
     turns = np.tile(np.eye(3), (len(keys), 1, 1))
     turns[poses] = values.poses_of(keys[poses], 3).rotation
     own = poses & np.isin(robot_of(keys), submap.robots)
-    parts = [Outline(keys, values.positions(keys, 3), turns, poses, *_variances(submap, keys, shared), own)]
+    parts = [Outline(keys, values.positions(keys, 3), turns, poses, *_variances(submap, keys), own)]
     for table in submap.raw:
         if table.model not in (*WHOLE, "relative_pose"):
             continue
@@ -128,24 +129,22 @@ def _sighted(table: Table, seen_by: Pose) -> Outline:
     )
 
 
-def _variances(submap: Submap, keys: IntArray, shared: IntArray) -> tuple[Array, Array]:
-    """The mean variance of each variable's place and orientation; of the base, which is the frame, 0."""
-    layout = submap.values.layout
+def _variances(submap: Submap, keys: IntArray) -> tuple[Array, Array]:
+    """The mean variances (n,) of some variables' places and orientations; of the base, which is the frame, 0."""
     out = np.zeros((2, len(keys)))
-    covariances = Covariances.of_map(submap)
-    blocks = covariances.all
-    order = np.argsort(keys)
-    at = order[np.searchsorted(keys, layout.keys, sorter=order)]
-    for kind in map(Kind, np.unique(layout.kinds).tolist()):
-        rows = np.arange(len(layout))[layout.stretch(kind)]
+    layout, covariances = submap.values.layout, Covariances.of_map(submap)
+    known = np.flatnonzero(layout.contains(keys))
+    kinds = layout.kinds[layout.index(keys[known])]
+    blocks = covariances.blocks(keys[known])
+    for kind in map(Kind, np.unique(kinds).tolist()):
+        rows = np.flatnonzero(kinds == kind)
         diagonals = np.diagonal(np.stack([blocks[row] for row in rows]), axis1=-2, axis2=-1)
-        out[0, at[rows]] = diagonals[:, : kind.dim].mean(-1)
+        out[0, known[rows]] = diagonals[:, : kind.dim].mean(-1)
         if kind.is_pose:
-            out[1, at[rows]] = diagonals[:, kind.dim :].mean(-1)
-    marks = np.intersect1d(submap.landmark_keys, shared)
+            out[1, known[rows]] = diagonals[:, kind.dim :].mean(-1)
+    marks = np.flatnonzero(is_landmark(keys) & (keys != WORLD))
     if 2 < len(marks) <= MOST_JOINT:
-        rows = np.searchsorted(keys, marks, sorter=order)
-        out[0, order[rows]] = np.minimum(out[0, order[rows]], _among_themselves(submap, covariances, marks))
+        out[0, marks] = np.minimum(out[0, marks], _among_themselves(submap, covariances, keys[marks]))
     return out[0], out[1]
 
 

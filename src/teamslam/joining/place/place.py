@@ -24,6 +24,7 @@ from teamslam.joining.place.outline import Outline, known_keys, outline_of_chain
 from teamslam.joining.place.ranges import Ranges
 from teamslam.joining.place.robust_fit import Link, link
 from teamslam.model import Names, Submap, is_landmark, is_pose, robot_of
+from teamslam.solver import side_by_side
 
 BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
 TRUSS = 4  # clusters in a truss at most
@@ -73,10 +74,13 @@ class _Placing:
         keys, times = np.unique(np.concatenate(known), return_counts=True)
         self.ranges = Ranges.of(t for members, _ in chains for m in members for t in submaps[m].raw)
         shared = np.union1d(keys[times > 1], self.ranges.keys)
-        self.outlines = [
-            outline_of_chain([submaps[m] for m in members], frames, shared) if np.isin(of, shared).any() else _nothing()
-            for (members, frames), of in zip(chains, known, strict=True)
-        ]
+        meets = [np.isin(of, shared).any() for of in known]
+
+        def outline(chain: int) -> Outline:
+            members, frames = chains[chain]
+            return outline_of_chain([submaps[m] for m in members], frames, shared) if meets[chain] else _nothing()
+
+        self.outlines = side_by_side(outline, range(len(chains)))
         self._holders = (
             np.repeat(np.arange(len(chains)), [len(outline.keys) for outline in self.outlines]),
             np.concatenate([outline.keys for outline in self.outlines]),

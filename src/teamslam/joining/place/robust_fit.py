@@ -10,7 +10,7 @@ settle. How firmly the frame is held is measured: the least information on its r
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from teamslam.joining.place.outline import Outline
 HINGE = 16.0  # [rad^-2]: below this points leave a frame free to turn; its sigma would be a quarter of a radian
 PLACE_SIGMA, TURN_SIGMA = 0.05, 0.02  # [m], [rad]: how far outlines may always be off: they leave out correlations
 OUTVOTED = 6.0  # [typical misfits]: what is farther off does not count at all
+VOTERS = 128  # shared things that vote on the frames proposed at most; the frame that wins is refined with all of them
 PROPOSALS = 64  # frames tried at most of each kind; with 2 of 10 points wrong, half of all triples are right
 
 
@@ -51,6 +52,12 @@ class _Shared:
     source_turns: Array
     target_turns: Array
     turn_variances: Array
+
+    def spread(self, count: int) -> "_Shared":
+        """So many of them at most, evenly over all."""
+        n = len(self.source)
+        rows = np.unique(np.linspace(0, n - 1, min(n, count)).astype(int))
+        return _Shared(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def misfit(self, frames: Pose) -> Array:
         """d^2 of every shared thing under each of some frames: (frames, things)."""
@@ -99,7 +106,8 @@ def link(cluster: Outline, chain: Outline, planar: bool) -> Link:
 
 def _elect(shared: _Shared, proposals: Pose) -> Pose:
     """The proposed frame with the least against it."""
-    return proposals[int(np.argmin(np.log1p(shared.misfit(proposals)).sum(-1)))]
+    against = np.log1p(shared.spread(VOTERS).misfit(proposals)).sum(-1)
+    return proposals[int(np.argmin(against))]
 
 
 def _by_all(shared: _Shared) -> Pose:
