@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.kernel.analysis import ORDERINGS, Analysis
-from teamslam.kernel.library import Floats, checked, floats, integers, library
+from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
 
@@ -104,6 +104,16 @@ class Factor:
 
         Only what they depend on is computed: a few of many variables take a fraction of the time of all.
         """
+        stacks = self.diagonal_inverse_by_size(variables)
+        blocks: list[Floats] = [np.empty(0)] * sum(len(places) for places, _ in stacks)
+        for places, stack in stacks:
+            for place, block in zip(places.tolist(), stack, strict=True):
+                blocks[place] = block
+        return blocks
+
+    def diagonal_inverse_by_size(self, variables: ArrayLike | None = None) -> list[tuple[Integers, Floats]]:
+        """The same, blocks of one size as a stack (k, dof, dof), with the places (k,) that they have among those asked
+        for."""
         n = len(self.pattern.dofs)
         wanted = np.arange(n) if variables is None else integers("variables", variables, (None,))
         if len(wanted) and (wanted.min() < 0 or wanted.max() >= n):
@@ -113,13 +123,11 @@ class Factor:
         flat = np.empty(int(starts[-1]))
         with self._held("factor"):
             checked(library.diagonal_inverse(self._pointer, wanted.astype(np.int32), len(wanted), flat))
-        blocks: list[Floats] = [flat] * len(dofs)
+        found = []
         for d in np.unique(dofs):
-            where = np.flatnonzero(dofs == d)
-            stack = flat[starts[where, None] + np.arange(d * d)].reshape(-1, d, d)
-            for place, block in zip(where.tolist(), stack, strict=True):
-                blocks[place] = block
-        return blocks
+            places = np.flatnonzero(dofs == d)
+            found.append((places, flat[starts[places, None] + np.arange(d * d)].reshape(-1, d, d)))
+        return found
 
     def eliminate(
         self, values: ArrayLike, rhs: ArrayLike | None = None, damping: ArrayLike | None = None

@@ -46,7 +46,9 @@ class Sources(frozenset[Stretch]):
             rows.setdefault((table.robot, table.source), []).append(table.ids)
         found: list[Stretch] = []
         for (robot, source), parts in rows.items():
-            ids = np.unique(np.concatenate(parts))
+            ids = np.concatenate(parts)
+            if not (np.diff(ids) > 0).all():
+                ids = np.unique(ids)
             for run in np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1):
                 if len(run):
                     found.append(Stretch(robot, source, int(run[0]), int(run[-1]) + 1))

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 from teamslam.errors import SolveError
 from teamslam.joining.exact.gap import gap_at, point_of
-from teamslam.joining.exact.robot import parts_of
+from teamslam.joining.exact.robot import Sending, separators_of
 from teamslam.joining.join.join import Component, Exactness, Joined
+from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Dataset, Sources, Submap
 
 
@@ -39,8 +40,10 @@ def _with_exactness(component: Component, members: Sequence[tuple[Dataset, Subma
 
 def _exactness(joined: Submap, members: Sequence[tuple[Dataset, Submap]]) -> Exactness:
     values = point_of(joined)
-    parts, raw = parts_of(members, values.layout)
-    for part in parts:
-        part.values = values.seen_from(values.pose(part.submap.base), part.values.layout)
-    numbers = sum(part.placing + part.reduce().numbers for part in parts)
-    return gap_at(values, parts, raw, joined).exactness(rounds=1, bytes=8 * numbers if len(parts) > 1 else 0)
+    tables, _ = usable_rows([table for piece, _ in members for table in piece.tables], values.layout)
+    submaps = [submap for _, submap in members]
+    raw, _ = usable_rows([table for submap in submaps for table in submap.raw], values.layout)
+    separators = separators_of(submaps, raw)
+    sent = [Sending.of(submap, separators) for submap in submaps]
+    numbers = sum(sending.placing + sending.numbers for sending in sent)
+    return gap_at(values, tables, joined).exactness(rounds=1, bytes=8 * numbers if len(sent) > 1 else 0)

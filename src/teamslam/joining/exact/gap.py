@@ -4,7 +4,8 @@
     coordinator:  F = sum f_i,   the Gauss-Newton step d of the whole F there,   g'd = |grad F|^2 in H^-1
 
 g'd is the decrease of F that the step promises; against F it is the relative cost gap. At the full least squares it is
-zero.
+zero. What robots and coordinator would find between them is found here at once, by one linearisation of all of F and
+one solve, since sums over robots are sums.
 """
 
 from collections.abc import Sequence
@@ -13,31 +14,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
-from teamslam.joining.exact.robot import Part
 from teamslam.joining.join.join import Exactness
 from teamslam.model import Layout, Submap, Table, Values
-from teamslam.solver import System
+from teamslam.solver import Factor, System
 from teamslam.solver.linear import Matrix
 
 
 @dataclass(frozen=True, eq=False)
 class Gap:
     """The team's problem at one point: `cost` F, `hessian` H and `step` d over the variables `free`, the `decrease` g'd
-    of F that d promises, and the marginal covariance of each variable."""
+    of F that d promises, and the `factor` of H."""
 
     free: Layout
     cost: float
     hessian: Matrix
     step: Array
     decrease: float
-    marginals: Sequence[Array]
+    factor: Factor
 
     def farthest(self, shift: Array, layout: Layout) -> float:
         """The longest of some variables' shifts (dof,), each in its own standard deviations."""
-        parts = np.split(shift, layout.dof_start[1:-1])
-        places = self.free.index(layout.keys).tolist()
-        squares = [float(d @ np.linalg.solve(self.marginals[n], d)) for n, d in zip(places, parts, strict=True)]
-        return float(np.sqrt(max(squares, default=0.0)))
+        everywhere = np.zeros(self.free.dof)
+        everywhere[self.free.unknowns(layout.keys)] = shift
+        return float(self.factor.in_sigmas(everywhere).max(initial=0.0))
 
     def exactness(self, *, join_shift_sigma: float = 0.0, rounds: int, bytes: int) -> Exactness:
         """The account of a map that ends here, after so many rounds and bytes."""
@@ -51,20 +50,18 @@ class Gap:
         )
 
 
-def gap_at(values: Values, parts: Sequence[Part], raw: Sequence[Table], joined: Submap) -> Gap:
-    """The gap at `values`, in the frame of `joined`, where the parts already are.
+def gap_at(values: Values, tables: Sequence[Table], joined: Submap) -> Gap:
+    """The gap of all measurements at `values`, in the frame of `joined`.
 
     Raises SolveError where the problem is not determined there.
     """
-    terms, costs = zip(*(part.term() for part in parts), strict=True)
-    system = System(values.layout, tables=raw, submaps=terms, fixed=frame_of(joined), names=joined.names)
+    system = System(values.layout, tables=tables, fixed=frame_of(joined), names=joined.names)
     at = system.linearise(values)
     factor = system.factor(values)
     factor.factorise(at.hessian.numbers)
     step = factor.solve(at.gradient)
     decrease = max(float(at.gradient @ step), 0.0)
-    cost = sum(costs) + raw_cost(raw, values)
-    return Gap(system.free, cost, at.hessian, step, decrease, factor.marginals())
+    return Gap(system.free, at.cost, at.hessian, step, decrease, factor)
 
 
 def frame_of(joined: Submap) -> IntArray:

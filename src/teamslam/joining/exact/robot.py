@@ -19,7 +19,7 @@ from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.build.build import gaussian_part
 from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Dataset, Layout, Submap, Table, Values
-from teamslam.solver import Factor, SubmapTerm, System
+from teamslam.solver import Factor, System
 from teamslam.solver.newton import Curvature
 
 
@@ -37,6 +37,32 @@ class Reduced:
     numbers: int
 
 
+@dataclass(frozen=True, eq=False)
+class Sending:
+    """What a robot sends of a submap in a round: of which variables (`keep` (n,), their layout `kept`), whether its
+    `whole` matrix, because that is smaller, and how many `numbers` that are."""
+
+    keep: BoolArray
+    kept: Layout
+    whole: bool
+    numbers: int
+
+    @classmethod
+    def of(cls, submap: Submap, separators: IntArray) -> "Sending":
+        """What is sent where others know these separators."""
+        layout, stored = submap.values.layout, submap.information.nnz
+        keep = np.isin(layout.keys, separators)
+        dense = int(layout.dofs[keep].sum())
+        if dense == 0 or dense * dense >= stored:
+            return cls(np.ones(len(layout), bool), layout, True, (stored + layout.dof) // 2 + layout.dof + 1)
+        return cls(keep, layout.select(keep), False, dense * (dense + 1) // 2 + dense + 2)
+
+    @property
+    def placing(self) -> int:
+        """How many numbers say where its separators are."""
+        return int(self.kept.state_start[-1])
+
+
 class Part:
     """One submap with the piece of log it was built of, at a point `values` in its own frame."""
 
@@ -48,12 +74,8 @@ class Part:
         inside, _ = gaussian_part(piece.tables, robot, own, self.values.layout)
         self.system = System(self.values.layout, tables=inside, fixed=np.array([submap.base]), names=piece.names)
         free = self.system.free
-        keep = np.isin(free.keys, separators)
-        dense = int(free.dofs[keep].sum())
-        whole = submap.information.nnz
-        self.sends_whole = dense == 0 or dense * dense >= whole
-        self.keep: BoolArray = np.ones(len(free), bool) if self.sends_whole else keep
-        self.kept = free.select(self.keep)
+        self.sending = Sending.of(submap, separators)
+        self.sends_whole, self.keep, self.kept = self.sending.whole, self.sending.keep, self.sending.kept
         self._columns = free.unknowns(self.kept.keys)
         last = None if self.sends_whole else np.flatnonzero(self.keep)
         self._factor = Factor(free, self.system.pattern, last=last, names=piece.names)
@@ -64,11 +86,6 @@ class Part:
         """The estimate of what is sent, in the submap's frame."""
         return self.values.only(self.kept.keys)
 
-    @property
-    def placing(self) -> int:
-        """How many numbers say where its separators are."""
-        return len(self.separators.state)
-
     def reduce(self, curvature: Curvature = "none") -> Reduced:
         """Linearise at the present point and eliminate the interiors; `curvature` as in System.linearise."""
         at = self.system.linearise(self.values, curvature=curvature)
@@ -76,11 +93,11 @@ class Part:
         n = self.kept.dof
         if self.sends_whole:
             whole = at.hessian.to_csr()
-            return Reduced(whole, at.gradient, at.cost, 0.0, sp.triu(whole).nnz + n + 1)
+            return Reduced(whole, at.gradient, at.cost, 0.0, self.sending.numbers)
         complement, slope = self._factor.eliminate(at.hessian.numbers, at.gradient)
         at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
         interior = float(at.gradient @ at_rest)
-        return Reduced(_dense(complement), slope, at.cost, interior, n * (n + 1) // 2 + n + 2)
+        return Reduced(_dense(complement), slope, at.cost, interior, self.sending.numbers)
 
     def follow(self, separators: Values) -> Values:
         """The robot's estimate after its separators moved there; interiors go where the quadratic has its least."""
@@ -91,12 +108,6 @@ class Part:
         else:
             delta = self._factor.back_substitute(shift, self._gradient)
         return self.system.retract(self.values, delta)
-
-    def term(self) -> tuple[SubmapTerm, float]:
-        """All that it measured, interiors too, linearised at the present point; and its cost there."""
-        at = self.system.linearise(self.values)
-        own = self.values.only(self.system.free.keys)
-        return SubmapTerm(self.submap.base, own, at.hessian.to_csr(), at.gradient), at.cost
 
 
 def parts_of(members: Sequence[tuple[Dataset, Submap]], layout: Layout) -> tuple[list[Part], list[Table]]:
@@ -109,7 +120,7 @@ def parts_of(members: Sequence[tuple[Dataset, Submap]], layout: Layout) -> tuple
 
 def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
     """The keys that more than one submap knows (bases among them), or that raw measurements name."""
-    everywhere = np.concatenate([np.unique(s.keys) for s in submaps])
+    everywhere = np.concatenate([s.keys for s in submaps])
     keys, times = np.unique(everywhere, return_counts=True)
     return np.union1d(keys[times > 1], np.concatenate([t.keys.ravel() for t in raw] or [np.zeros(0, np.int64)]))
 

@@ -182,7 +182,7 @@ class _Team:
 
     def _moved(self, values: Values) -> list[Values]:
         """Where the robots would be with the separators there, which they are told."""
-        self.numbers += sum(part.placing for part in self.parts)
+        self.numbers += sum(part.sending.placing for part in self.parts)
         local = (values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts)
         return [part.follow(separators) for part, separators in zip(self.parts, local, strict=True)]
 
@@ -235,7 +235,8 @@ class _Team:
     def _finish(self, component: Component, status: Status, history: list[Step]) -> Component:
         """The whole map at the last point, its information, and how exact it is."""
         values = self._everything()
-        gap = gap_at(values, self.parts, self.raw, self.map)
+        tables = [*(table for part in self.parts for table in part.system.tables), *self.raw]
+        gap = gap_at(values, tables, self.map)
         solution = self._solution(values, gap, status, history)
         members, fixed = [part.submap for part in self.parts], frame_of(self.map)
         final = joined_map(members, self.raw, solution, fixed, self.map.names)

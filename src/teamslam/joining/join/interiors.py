@@ -37,8 +37,9 @@ class Member:
 
 def members_of(submaps: Sequence[Submap]) -> list[Member]:
     """The submaps, each without the interiors whose elimination pays."""
-    if len(submaps) == 1 and not submaps[0].raw:
-        return [Member(submaps[0])]
+    most = np.array([max(submap.dof for submap in submaps)])
+    if len(submaps) == 1 and not submaps[0].raw or not worth_it(most, most).any():
+        return [Member(submap) for submap in submaps]
     stack = Stack.of(submaps)
     inner = ~np.isin(stack.keys, shared_keys(stack, submaps))
     dofs, count = KIND_DOF[stack.kinds], len(submaps)

@@ -86,8 +86,11 @@ def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list
     usable, waiting = [], []
     for table in raw:
         ready = np.asarray(layout.contains(table.keys).all(1))
+        if ready.all():
+            usable.append(table)
+            continue
         usable += [table.select(ready)] if ready.any() else []
-        waiting += [table.select(~ready)] if not ready.all() else []
+        waiting.append(table.select(~ready))
     return usable, waiting
 
 
