@@ -118,7 +118,7 @@ class Layout:
         """First number of each variable in the state vector, and the total: (n + 1,)."""
         return np.concatenate([[0], np.cumsum(KIND_SIZE[self.kinds])])
 
-    @property
+    @cached_property
     def dof(self) -> int:
         """Unknowns in all."""
         return int(self.dof_start[-1])

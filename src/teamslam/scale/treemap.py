@@ -5,7 +5,7 @@ that `teamslam.join` gives.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,12 @@ from teamslam.io.files.whole import whole_file
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.io.submaps.arrays import read_submap
 from teamslam.joining import Component, Joined
-from teamslam.joining.join.homes import homes
+from teamslam.joining.join.interiors import members_of
 from teamslam.joining.join.join import in_order
-from teamslam.joining.join.optimum import joined_map, usable_rows
-from teamslam.joining.place.stack import Stack
+from teamslam.joining.join.optimum import Optimum, usable_rows
 from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, robot_of
 from teamslam.model.layout import rows_of
-from teamslam.solver import Options, SubmapTerm, System, optimise
+from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
 
@@ -75,13 +74,8 @@ def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
             components.append(Component(members[0], None, component.members))
             continue
         fixed = np.array([b for b in (component.map.base,) if b != WORLD], np.int64)
-        names = members[0].names.merge(m.names for m in members[1:])
-        terms = [SubmapTerm.of(member) for member in members]
-        carried = homes(start.layout, Stack.of(members))
-        system = System(start.layout, tables=raw, submaps=terms, fixed=fixed, names=names, homes=carried)
-        solution = optimise(system, start, options)
-        whole = replace(joined_map(members, raw, solution, fixed, names), base_dim=component.map.base_dim)
-        components.append(Component(whole, solution, component.members))
+        found = Optimum.near(members_of(members), start, raw, fixed, options)
+        components.append(Component(found.map(component.map.base_dim), found.solution, component.members))
     return Joined(tuple(components), tree.joined.reasons)
 
 

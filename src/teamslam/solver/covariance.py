@@ -54,6 +54,8 @@ class Covariances:
         """The marginal covariances of several variables, in the order of `keys`; quicker than `all` where they are
         few."""
         places = self.layout.index(keys)
+        if not len(places):
+            return []
         if "all" in vars(self) or 2 * len(places) > len(self.layout):
             return [self.all[place] for place in places.tolist()]
         return self._factor.marginals(places)

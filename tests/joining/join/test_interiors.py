@@ -87,6 +87,21 @@ def test_robots_of_the_ground_and_of_the_air() -> None:
     assert_same(*both_ways(submaps))
 
 
+def test_a_submap_that_shares_its_frame_alone() -> None:
+    """Another robot sees the first pose of its way and nothing else: all of it but the frame is interior."""
+    log = team("2d", robots=2, poses=12, landmarks=4)
+    first = log.pose_keys[2][0]
+    tables = [t.select((t.keys[:, 1] == first) | (t.robot == 2)) if t.source == "robots" else t for t in log.tables]
+    alone = log.with_tables(
+        t for t in tables if not (t.robot == 2 and t.source != "odometry") and not (t.robot == 1 and not len(t))
+    )
+    submaps = submaps_of(alone)
+    assert len(submaps) == 2 and spared_unknowns(submaps[1:]) == 0
+    spared, whole = both_ways(submaps)
+    assert len(spared.components) == 1
+    assert_same(spared, whole)
+
+
 def test_submaps_that_share_nothing_come_back_as_they_are() -> None:
     log = team("2d", robots=2, landmarks=4)
     apart = log.with_tables(t for t in log.tables if t.source == "odometry")

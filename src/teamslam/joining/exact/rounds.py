@@ -239,7 +239,7 @@ class _Team:
         gap = gap_at(values, tables, self.map)
         solution = self._solution(values, gap, status, history)
         members, fixed = [part.submap for part in self.parts], frame_of(self.map)
-        final = joined_map(members, self.raw, solution, fixed, self.map.names)
+        final = joined_map(members, self.raw, solution, fixed, self.map.names, self.map.base_dim)
         final = replace(final, id=self.map.id, cost=solution.cost, chi2=solution.chi2, rows=solution.rows)
         before = self.map.values
         exactness = gap.exactness(

@@ -37,8 +37,8 @@ class Member:
 
 def members_of(submaps: Sequence[Submap]) -> list[Member]:
     """The submaps, each without the interiors whose elimination pays."""
-    most = np.array([max(submap.dof for submap in submaps)])
-    if len(submaps) == 1 and not submaps[0].raw or not worth_it(most, most).any():
+    most = np.array([max(len(submap.values.state) for submap in submaps)])  # no submap has more unknowns
+    if (len(submaps) == 1 and not submaps[0].raw) or not worth_it(most, most).any():
         return [Member(submap) for submap in submaps]
     stack = Stack.of(submaps)
     inner = ~np.isin(stack.keys, shared_keys(stack, submaps))

@@ -132,16 +132,16 @@ def _join_cluster(
     if len(inside) == 1 and not inside[0].whole.raw:
         return Component(inside[0].whole, None, ids)
     found = [Optimum.of(inside, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
-    found.sort(key=lambda optimum: optimum.cost)
+    found.sort(key=lambda optimum: optimum.shared.cost)
     best = found[0]
     ambiguities = tuple(_ambiguity(best, other) for other in found[1:] if _close(best, other))
-    return Component(best.map, best.solution, ids, ambiguities=ambiguities)
+    return Component(best.map(inside[0].whole.base_dim), best.solution, ids, ambiguities=ambiguities)
 
 
 def _close(best: Optimum, other: Optimum) -> bool:
     """Whether another optimum cannot be ruled out, and is another one."""
     apart = np.abs(other.shared.values.minus(best.shared.values)).max() > 1e-3
-    return bool(apart) and other.cost - best.cost < RULED_OUT
+    return bool(apart) and other.shared.cost - best.shared.cost < RULED_OUT
 
 
 def _ambiguity(best: Optimum, other: Optimum) -> str:

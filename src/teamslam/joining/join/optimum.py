@@ -16,7 +16,7 @@ from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table
+from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values
 from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
 
 
@@ -41,16 +41,42 @@ class Optimum:
         """The optimum from these frames of the members."""
         submaps = [member.joined for member in members]
         raw = [table for submap in submaps for table in submap.raw]
-        names = submaps[0].names.merge(m.names for m in submaps[1:])
         stack = Stack.of(submaps)
         start = triangulate(start_values(stack, frames), raw)
         usable, _ = usable_rows(raw, start.layout)
         start, fixed = anchor(start, submaps[0], usable)
-        terms = [SubmapTerm.of(submap) for submap in submaps]
+        return cls._from(members, stack, start, usable, fixed, options, progress)
+
+    @classmethod
+    def near(
+        cls, members: Sequence[Member], start: Values, used: Sequence[Table], fixed: IntArray, options: Options
+    ) -> "Optimum":
+        """The optimum from a start that holds at least what is shared and what the raw rows `used` name."""
+        stack = Stack.of([member.joined for member in members])
+        named = np.concatenate([stack.keys, stack.bases, *(table.keys.ravel() for table in used)])
+        start = start.select(np.isin(start.layout.keys, named))
+        return cls._from(members, stack, start, used, fixed, options, None)
+
+    @classmethod
+    def _from(
+        cls,
+        members: Sequence[Member],
+        stack: Stack,
+        start: Values,
+        used: Sequence[Table],
+        fixed: IntArray,
+        options: Options,
+        progress: Callable[[Step], None] | None,
+    ) -> "Optimum":
+        submaps = [member.joined for member in members]
+        names = submaps[0].names.merge(m.names for m in submaps[1:])
+        terms = [
+            SubmapTerm.of(submap) for submap in submaps if len(submap.values)
+        ]  # some share but a frame
         carried = homes(start.layout, stack)
-        system = System(start.layout, tables=usable, submaps=terms, fixed=fixed, names=names, homes=carried)
+        system = System(start.layout, tables=used, submaps=terms, fixed=fixed, names=names, homes=carried)
         solution = optimise(system, convex_start(system, start, options), options, progress)
-        return cls(members, solution, usable, fixed, names)
+        return cls(members, solution, used, fixed, names)
 
     @property
     def cost(self) -> float:
@@ -75,10 +101,10 @@ class Optimum:
             made=lambda: system().linearise(values).hessian,
         )
 
-    @property
-    def map(self) -> Submap:
-        """The joined map."""
-        return joined_map([m.whole for m in self.members], self.used, self.solution, self.fixed, self.names)
+    def map(self, base_dim: int) -> Submap:
+        """The joined map, in a frame of this dimension."""
+        wholes = [member.whole for member in self.members]
+        return joined_map(wholes, self.used, self.solution, self.fixed, self.names, base_dim)
 
 
 def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
@@ -87,7 +113,7 @@ def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list
     for table in raw:
         ready = np.asarray(layout.contains(table.keys).all(1))
         if ready.all():
-            usable.append(table)
+            usable += [table] if len(table) else []
             continue
         usable += [table.select(ready)] if ready.any() else []
         waiting.append(table.select(~ready))
@@ -95,16 +121,20 @@ def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list
 
 
 def joined_map(
-    members: Sequence[Submap], raw: Sequence[Table], solution: Solution, fixed: IntArray, names: Names
+    members: Sequence[Submap],
+    raw: Sequence[Table],
+    solution: Solution,
+    fixed: IntArray,
+    names: Names,
+    base_dim: int,
 ) -> Submap:
     """The joined map as a submap, in the frame of the fixed pose (or the world's)."""
     _, waiting = usable_rows([t for m in members for t in m.raw], solution.values.layout)
     keep = ~np.isin(solution.values.layout.keys, fixed)
-    base, base_dim = (int(fixed[0]), members[0].base_dim) if len(fixed) else (WORLD, members[0].base_dim)
     return Submap(
         id="+".join(sorted(m.id for m in members)),
         version=max(m.version for m in members),
-        base=base,
+        base=int(fixed[0]) if len(fixed) else WORLD,
         base_dim=base_dim,
         values=solution.values.select(keep),
         information=lambda: solution.information,
