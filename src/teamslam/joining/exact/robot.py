@@ -50,7 +50,7 @@ class Sending:
     @classmethod
     def of(cls, submap: Submap, separators: IntArray) -> "Sending":
         """What is sent where others know these separators."""
-        layout, stored = submap.values.layout, submap.information.nnz
+        layout, stored = submap.values.layout, _numbers_of_blocks(submap)
         keep = np.isin(layout.keys, separators)
         dense = int(layout.dofs[keep].sum())
         if dense == 0 or dense * dense >= stored:
@@ -61,6 +61,16 @@ class Sending:
     def placing(self) -> int:
         """How many numbers say where its separators are."""
         return int(self.kept.state_start[-1])
+
+
+def _numbers_of_blocks(submap: Submap) -> int:
+    """How many numbers the blocks of a submap's information hold, whether zeros in them are stored (as a solve leaves
+    them) or not (as a file does)."""
+    layout, entries = submap.values.layout, sp.coo_array(submap.information)
+    of_unknown, n = np.repeat(np.arange(len(layout)), layout.dofs), len(layout)
+    there = (of_unknown[entries.row], of_unknown[entries.col])
+    blocks = sp.csr_array((np.ones(len(entries.data)), there), shape=(n, n)).tocoo()
+    return int((layout.dofs[blocks.row] * layout.dofs[blocks.col]).sum())
 
 
 class Part:
