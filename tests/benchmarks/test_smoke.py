@@ -37,3 +37,16 @@ def test_from_log_to_map_has_a_row_for_every_stage(preset: str, tmp_path: Path) 
     totals = {row["tool"]: row for row in report["rows"] if "total" in row}
     assert totals["teamslam"]["total"] > 0.0 and totals["teamslam"]["cost"] > 0.0
     assert set(totals) | set(report["absent"]) >= {"teamslam", "pandas + GTSAM"}
+
+
+def test_joins_stand_beside_full_least_squares(tmp_path: Path) -> None:
+    out = tmp_path / "rows.json"
+    command = [sys.executable, "benchmarks/joining.py", "--poses", "80", "--repetitions", "1", "--json", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(out.read_text())["rows"]
+    for log in {row["log"] for row in rows}:
+        cost = {row["what"]: row["cost"] for row in rows if row["log"] == log}
+        assert cost["join"] == pytest.approx(cost["join, whole"], rel=1e-9)
+        assert cost["full, all"] == pytest.approx(cost["full, solve"], rel=1e-9)
+        assert cost["full, solve"] <= cost["join"]

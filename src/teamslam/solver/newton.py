@@ -5,9 +5,9 @@
 J'W'WJ alone is sure but may be slow: a robust loss makes its steps too short, large residuals that bend (a range to a
 robot passing by) too long or too short, and the distance to the optimum falls by a constant factor at best. Newton's H
 converges quadratically, but may be indefinite. So the losses' bend comes in within a few sigmas of the optimum, that of
-the residuals, which costs as much as seven linearisations, only where a step leaves more than a share `slow` of the
-distance; and both come in wherever several steps in a row were slow, however far away. A rule that can do nothing with
-an indefinite H asks for both to go again, until nearer.
+the residuals, which costs as much as seven linearisations (between submaps next to nothing), only where a step leaves
+more than a share `slow` of the distance; and both come in wherever several steps in a row were slow, however far away.
+A rule that can do nothing with an indefinite H asks for both to go again, until nearer.
 """
 
 from typing import Literal
@@ -16,6 +16,7 @@ Curvature = Literal["none", "losses", "all"]
 
 NEAR = 3.0  # [sigmas]
 SLOW = 0.5  # the share of the distance left by a step that is slow; below it Gauss-Newton's cheaper steps win
+SLOW_JOIN = 0.1  # the same between submaps, where Newton's steps cost no more
 PATIENCE = 3  # slow steps in a row
 BACK = 0.3  # how much nearer to come before another attempt
 

@@ -24,7 +24,7 @@ from teamslam.errors import InputError, SolveError
 from teamslam.model import Values
 from teamslam.solver.faults import fault_at, fault_of_step
 from teamslam.solver.linear import Factor, Matrix
-from teamslam.solver.newton import Bend, Curvature
+from teamslam.solver.newton import SLOW, SLOW_JOIN, Bend, Curvature
 from teamslam.solver.rules import RULES, Proposal, dot, full_step
 from teamslam.solver.saddle import way_down
 from teamslam.solver.solution import Solution, Status, Step
@@ -141,7 +141,7 @@ class _Search:
         self._stand(start, at)
         self.history: list[Step] = []
         self.status, self.decrement = Status.MAX_ITERATIONS, math.inf
-        self.bend = Bend()
+        self.bend = Bend(SLOW_JOIN if system.is_join else SLOW)
         self.factored: Curvature = "none"  # what the factor at hand holds
         self.settled = False  # whether the factor at hand still serves
         self.before, self.best = math.nan, math.inf  # decrements: of the step before, and the least that rounding hid

@@ -193,6 +193,11 @@ class System:
         return sum(table.dof for table in self.tables) + sum(term.values.layout.dof for term in self.submaps)
 
     @property
+    def is_join(self) -> bool:
+        """Whether it is of submaps alone: how these bend goes by their variables, not by their numbers."""
+        return not self.tables
+
+    @property
     def pattern(self) -> kernel.BlockPattern:
         """Which blocks of H are not zero."""
         return self._problem.pattern
