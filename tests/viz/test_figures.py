@@ -129,6 +129,23 @@ def test_several_maps_stand_side_by_side_each_with_its_title_and_one_legend(scen
         draw_maps({}, "nothing")
 
 
+def test_what_stands_above_each_of_several_maps_is_its_own_and_as_wide(scene_of) -> None:
+    """Thinned sightings and enlarged regions are said where they hold; the legend names each kind once."""
+    scene = replace(scene_of(2, 900, sd=0.003), caption="a sentence of many words that would not fit above it " * 2)
+    figure = draw_maps({"many": scene, "few": scene_of(2, 60)}, "Two maps")
+    figure.canvas.draw()
+    many, few = figure.axes
+    assert "1 in 3 sightings of robots drawn" in many.get_title(loc="left")
+    assert "sightings" not in few.get_title(loc="left")
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len({label.split("\n")[0].rstrip(",") for label in named}) == len(named)
+    above = next(
+        t for t in many.get_children() if getattr(t, "get_text", str)() == many.get_title(loc="left")
+    ).get_window_extent()
+    assert above.x1 < few.get_tightbbox().x0
+    assert figure.get_tightbbox().x1 <= figure.get_size_inches()[0] + 0.02
+
+
 def test_the_same_scene_gives_the_same_picture(scene: Scene) -> None:
     """Figures carry no chance and no date."""
     assert image(draw_map(scene)) == image(draw_map(scene))
@@ -262,6 +279,8 @@ def test_a_logarithmic_scale_has_labels_that_say_the_values_of_their_ticks(low: 
     said = {t.get_loc(): t.label1.get_text() for t in ticks if limits[0] <= t.get_loc() <= limits[1]}
     labels = {value: text for value, text in said.items() if text}
     assert labels
+    if np.log10(limits[1] / limits[0]) < 1.99:
+        assert labels == said  # a tick without its number is no scale
     letters = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
     for value, text in labels.items():
         times, _, power = text.rpartition("10")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 LEFT, RIGHT, BOTTOM, BETWEEN = 0.72, 0.12, 0.46, 0.14
 TITLE_LINE, CAPTION_LINE, ROOM = 0.18, 0.145, 0.15
+DECADES = 2.0  # on a logarithmic axis: where there are more, only powers of ten are labelled
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -89,5 +90,5 @@ def log_scale(axes: "Axes") -> None:
 
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(Powers())
-    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-    axes.yaxis.set_minor_formatter(Powers(labelOnlyBase=False))
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0), numticks=20))
+    axes.yaxis.set_minor_formatter(Powers(labelOnlyBase=False, minor_thresholds=(DECADES, DECADES)))

@@ -9,7 +9,8 @@ What is drawn, and how:
     frames     each robot's first pose as a pair of axes: what the team did not know before
 """
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,10 +19,11 @@ from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.model import WORLD
 from teamslam.viz.frame import legend_beside, panel
-from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
+from teamslam.viz.marks import MOST_SIGHTINGS, draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
 from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, name, plain, robot_colour, styled
 
+WIDEST = 62  # letters above one of several maps
 MOST_NAMED = 12  # robots in a legend: more would not fit beside the map
 
 if TYPE_CHECKING:
@@ -77,19 +79,31 @@ def draw_maps(scenes: Mapping[str, Scene], title: str, *, columns: int = 2) -> "
     kinds: dict[str, Any] = {}
     for axes, (heading, scene) in zip(grid, scenes.items(), strict=False):
         plan_axes(axes, scene)
-        times = scene.magnification(2) if scene.covariances else 1
-        lines = [scene.caption, f"{CONFIDENCE:.0%} regions drawn {times} times larger" if times > 1 else ""]
+        lines = list(_beside(scene))
         axes.set_title(plain("\n".join(lines), 240), fontsize=8.0, fontweight="normal", color=INK)
         axes.annotate(plain(heading), (0, 1), xycoords="axes fraction", xytext=(0, 9 + 11 * len(lines)),
                       fontweight="bold", textcoords="offset points", fontsize=9.5)  # fmt: skip
         handles, labels = legend_entries(axes)
         common = zip(labels, handles, strict=True)
-        kinds |= {label.split(",\ndrawn")[0]: handle for label, handle in common if not label.startswith("robot ")}
+        kinds |= {
+            label.split("\n")[0].rstrip(","): handle for label, handle in common if not label.startswith("robot ")
+        }
     for axes in grid[len(scenes) :]:
         axes.set_visible(False)
     figure.suptitle(plain(title), x=0.01, ha="left")
     figure.legend(kinds.values(), kinds.keys(), loc="outside lower center", ncols=min(len(kinds), 6))
     return figure
+
+
+def _beside(scene: Scene) -> Iterator[str]:
+    """What stands above one of several maps, in lines no longer than it is wide: its caption, and what holds for it."""
+    lines = [scene.caption]
+    if scene.covariances and (times := scene.magnification(2)) > 1:
+        lines.append(f"{CONFIDENCE:.0%} regions drawn {times} times larger")
+    if (step := scene.visible_sightings(MOST_SIGHTINGS)[1]) > 1:
+        lines.append(f"1 in {step} sightings of robots drawn")
+    for line in lines:
+        yield from textwrap.wrap(line, WIDEST) or [""]
 
 
 def plan_axes(axes: "Axes", scene: Scene) -> None:
