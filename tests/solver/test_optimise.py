@@ -1,6 +1,8 @@
 """The optimum against SciPy's least squares; every step rule reaches it; failures say what is wrong."""
 
 import itertools
+import weakref
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -199,3 +201,23 @@ def seen(values: Values, observer: int, target: int):  # type: ignore[no-untyped
         return pose.between(values.pose(target)), None
     dim = 2 if pose.dim == 2 and values.layout.kinds[values.layout.index(target)] == 2 else 3
     return None, pose.lift(dim).unact(values.positions(np.array([target]), dim)[0])
+
+
+def test_a_solution_does_not_keep_the_factor_of_its_solve() -> None:
+    _, system, start = problem("3d", sigma=0.1)
+    factor = system.factor(start)
+    kept = weakref.ref(factor)
+    solution = optimise(system, start, factor=factor)
+    del factor
+    assert kept() is None
+    assert solution.hessian.numbers.shape == (system.pattern.size,)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_rows_are_counted_whether_they_share_their_noise_or_not(world: str) -> None:
+    dataset, _, _ = problem(world)
+    for table in dataset.tables:
+        each = replace(table, whitening=np.repeat(table.whitening[:1], len(table), 0))
+        shared = replace(table, whitening=table.whitening[:1])
+        assert table.select(np.arange(0)).dof == 0
+        assert each.dof == shared.dof == int(shared.ranks.sum()) == len(table) * table.whitening.shape[-1]

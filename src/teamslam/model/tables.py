@@ -7,6 +7,7 @@ these are (`ids`), and which sensor saw it: `sensor` is the sensor's pose in the
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -81,10 +82,10 @@ class Table:
         """The row of MODELS."""
         return MODELS[self.model]
 
-    @property
+    @cached_property
     def dof(self) -> int:
         """Numbers measured in all: rows of the whitened residual, without those that say nothing."""
-        return int(self.ranks.sum())
+        return int(ranks(self.whitening).sum()) * (1 if len(self.whitening) == len(self) else len(self))
 
     @property
     def ranks(self) -> IntArray:

@@ -156,7 +156,7 @@ class _Search:
                 raise self._named(problem) from None
             self.settled, self.at = False, self._looked(self.values)
             return None
-        if not np.isfinite(step.delta).all():
+        if not math.isfinite(step.predicted) and not np.isfinite(step.delta).all():
             raise fault_of_step(self.system, step.delta)
         if not step.is_full and step.predicted <= self._visible():
             self._out_of_sight()
@@ -176,7 +176,7 @@ class _Search:
         if self.system.forgives and self.factored == "none" and self._left_saddle(values):
             return
         if taken:
-            self.values, self.cost, self.made = values, cost, partial(self._information, values)
+            self.values, self.cost, self.made = values, cost, partial(_information, self.system, values)
         self.status, self.decrement = Status.CONVERGED, trial.ahead
 
     def go_on(self, trial: _Trial) -> None:
@@ -244,9 +244,6 @@ class _Search:
         """Be at these values. Their H without curvature is made when it is asked for."""
         self.values, self.at, self.cost = values, at, at.cost
         self.made = lambda: at.information
-
-    def _information(self, values: Values) -> Matrix:
-        return self.system.linearise(values).hessian
 
     # --- steps ----------------------------------------------------------------------------------------------------
 
@@ -384,3 +381,8 @@ class _Search:
         self.history.append(Step(self.cost, trial.decrement, largest, self.rule.damping, accepted, elapsed))
         if self.progress is not None:
             self.progress(self.history[-1])
+
+
+def _information(system: System, values: Values) -> Matrix:
+    """H at some values; no method, since a solution that keeps a search would keep its factor's memory too."""
+    return system.linearise(values).hessian

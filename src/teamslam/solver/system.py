@@ -187,7 +187,7 @@ class System:
         sharpest.append(float(np.sqrt(self._problem.sharpest())))
         return float(np.finfo(float).eps) * max(sharpest) * float(np.abs(values.state).max(initial=1.0))
 
-    @property
+    @cached_property
     def rows(self) -> int:
         """Numbers measured in all."""
         return sum(table.dof for table in self.tables) + sum(term.values.layout.dof for term in self.submaps)
