@@ -16,6 +16,7 @@ from teamslam.config import Config
 from teamslam.errors import InputError, SolveError
 from teamslam.joining import (
     ORDERS,
+    AtMap,
     Cost,
     Joined,
     Unbuilt,
@@ -105,11 +106,12 @@ def run(
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
         joined = _with_books(log, joined, built, [r for r in remarks if r])
+    at = [AtMap(log.tables, component.map) for component in joined.components]
     if config.method == "join":
         clock.start("exactness")
-        joined = with_exactness(joined, pairs(pieces, submaps))
+        joined = with_exactness(joined, pairs(pieces, submaps), at)
     clock.start("verdict on the fit")
-    judged = verdict(log, joined)
+    judged = verdict(log, joined, at)
     costs = tuple(part.cost for part in judged.parts) or tuple(cost_of(c.map, log.tables) for c in joined.components)
     clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teamslam.joining import build, full, join, split
-from teamslam.joining.exact.gap import point_of
+from teamslam.joining.exact.gap import AtMap, point_of
 from teamslam.model import Loss, Table, whitening
 from teamslam.solver import linearise_numerically
 from teamslam.trust import verdict
@@ -39,7 +39,7 @@ def test_leverages_are_the_diagonal_of_the_hat_matrix(world: str, loss: Loss) ->
     for size in (2, 10):
         log = team(world, robots=1, poses=size, landmarks=4, sees=1.0).with_loss(loss)
         joined = full(log).map
-        found = residuals_at(log.tables, joined)
+        found = residuals_at(AtMap(log.tables, joined))
         values, inverse = point_of(joined), np.linalg.inv(joined.information.toarray())
         for rows in found.rows:
             exact = dense_leverages(rows.table, values, joined.values.layout, inverse)
@@ -52,7 +52,7 @@ def test_leverages_are_the_diagonal_of_the_hat_matrix(world: str, loss: Loss) ->
 @pytest.mark.parametrize("world", WORLDS)
 def test_leverages_add_up_to_the_unknowns(world: str) -> None:
     log = team(world, poses=25, landmarks=10)
-    found = residuals_at(log.tables, full(log).map)
+    found = residuals_at(AtMap(log.tables, full(log).map))
     total = sum(rows.leverage.sum() for rows in found.rows)
     assert total == pytest.approx(found.unknowns, rel=1e-9)
 
@@ -73,13 +73,13 @@ def test_residuals_are_those_of_the_tables(world: str) -> None:
     """Whitened, weighed and summed up as the map's own cost; rows of other variables are left out."""
     log = team(world).with_loss(Loss("huber", 1.0))
     joined = full(log).map
-    found = residuals_at(log.tables, joined)
+    found = residuals_at(AtMap(log.tables, joined))
     for rows, table in zip(found.rows, log.tables, strict=True):
         np.testing.assert_allclose(rows.whitened, table.whitened(point_of(joined)), rtol=1e-9, atol=1e-12)
     assert found.cost.cost == pytest.approx(joined.cost, rel=1e-9)
     assert found.cost.rows == log.dof
     one = build(split(log)[0])
-    here = residuals_at(log.tables, one)
+    here = residuals_at(AtMap(log.tables, one))
     assert {rows.table.robot for rows in here.rows} == {1}
 
 
@@ -87,8 +87,8 @@ def test_a_step_to_full_least_squares_promises_what_it_takes() -> None:
     """At the optimum nothing; at a join what exactness says it is."""
     log = team("2d", sigma=0.1, sigma_odometry=0.1)
     best, joined = full(log), join([build(piece) for piece in split(log)])
-    assert residuals_at(log.tables, best.map).decrease < 1e-9
-    found = residuals_at(log.tables, joined.map)
+    assert residuals_at(AtMap(log.tables, best.map)).decrease < 1e-9
+    found = residuals_at(AtMap(log.tables, joined.map))
     assert 0.0 < found.decrease == pytest.approx(found.cost.cost - best.map.cost, rel=0.2)
 
 

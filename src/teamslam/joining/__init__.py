@@ -2,7 +2,7 @@
 
 from teamslam.joining.build import build, build_alternatives, build_choices, build_with_solution, split
 from teamslam.joining.condense import Interior, condense, condense_partially, expand, separators
-from teamslam.joining.exact import Cost, cost_of, exact_join, full, with_exactness
+from teamslam.joining.exact import AtMap, Cost, cost_of, exact_join, full, with_exactness
 from teamslam.joining.join import (
     ORDERS,
     Component,
@@ -17,6 +17,7 @@ from teamslam.joining.join import (
 
 __all__ = [
     "ORDERS",
+    "AtMap",
     "Component",
     "Cost",
     "Exactness",

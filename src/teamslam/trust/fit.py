@@ -19,7 +19,7 @@ from itertools import groupby
 import numpy as np
 
 from teamslam.errors import SolveError
-from teamslam.joining import Joined
+from teamslam.joining import AtMap, Joined
 from teamslam.model import Dataset, Names, chi2_quantile
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
@@ -70,14 +70,16 @@ class Verdict:
         return tuple(row for part in self.parts for row in part.rows)
 
 
-def verdict(dataset: Dataset, joined: Joined) -> Verdict:
+def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None) -> Verdict:
     """How well a team's map fits the log that it was made of.
 
-    Rows of variables that the map does not hold are left out. Law: for the squared loss and a right model `cost` is
-    distributed as chi-square with `dof` degrees of freedom where the map is that of full least squares.
+    Rows of variables that the map does not hold are left out; `at`, the log at each component's map, saves linearising
+    it again. Law: for the squared loss and a right model `cost` is distributed as chi-square with `dof` degrees of
+    freedom where the map is that of full least squares.
     """
+    at = at or [AtMap(dataset.tables, component.map) for component in joined.components]
     try:
-        parts = tuple(residuals_at(dataset.tables, component.map) for component in joined.components)
+        parts = tuple(map(residuals_at, at))
     except SolveError as error:
         return unknown(f"the measurements themselves do not determine the map: {error}")
     rows = [row for part in parts for row in part.rows]

@@ -17,9 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
-from teamslam.joining import Cost
-from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Submap, Table, Values, is_pose, robot_of
+from teamslam.joining import AtMap, Cost
+from teamslam.model import Table, Values, is_pose, robot_of
 from teamslam.solver import System
 from teamslam.trust.expected import expected_cost
 
@@ -112,26 +111,20 @@ class Residuals:
         )
 
 
-def residuals_at(tables: Sequence[Table], joined: Submap) -> Residuals:
-    """What the rows leave at a map. Rows of variables that it does not hold are left out.
+def residuals_at(at: AtMap) -> Residuals:
+    """What the rows of a log leave at a map. Rows of variables that it does not hold are left out.
 
     Raises SolveError where the rows at hand do not determine the map.
     """
-    values = point_of(joined)
-    held = [table.select(np.asarray(values.layout.contains(table.keys).all(1))) for table in tables]
-    held = [table for table in held if len(table)]
-    system = System(values.layout, tables=held, fixed=frame_of(joined), names=joined.names)
-    at, factor = system.linearise(values), system.factor(values)
-    factor.factorise(at.hessian.numbers)
-    errors = factor.draws(white_noise(system.free.dof))
+    values, held, gap, system = at.values, at.tables, at.gap, at.gap.system
+    errors = gap.factor.draws(white_noise(system.free.dof))
     whitened = [system.whitened(place, values) for place in range(len(held))]
     weights = [table.loss.weight(np.sum(u**2, -1)) for table, u in zip(held, whitened, strict=True)]
     leverages, followed = _taken_up(system, values, whitened, weights, errors)
     leverages = _adding_up_to(system.free.dof, leverages, held, errors.shape[1] >= system.free.dof)
     ways = _given_way(held, leverages)
     rows = tuple(map(Rows, held, whitened, weights, leverages, followed, ways))
-    decrease = float(np.sum(at.gradient * factor.solve(at.gradient)))
-    return Residuals(rows, system.free.dof, max(decrease, 0.0), errors.shape[1])
+    return Residuals(rows, system.free.dof, gap.decrease, errors.shape[1])
 
 
 def white_noise(unknowns: int) -> Array:

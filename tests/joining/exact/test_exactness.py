@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from teamslam.joining import ORDERS, Joined, build, exact_join, full, join, split, with_exactness
+from teamslam.joining import ORDERS, AtMap, Joined, build, exact_join, full, join, split, with_exactness
 from teamslam.model import Dataset, Loss, Submap
 from teamslam.solver import Options
 from worlds import WORLDS, measure, team
@@ -47,6 +47,21 @@ def test_under_robust_losses_it_is_of_the_right_size(world: str) -> None:
     best = full(log, initial=joined, options=TIGHT).map
     true_gap = 1.0 - best.cost / full_cost(log, joined)
     assert 0.5 * true_gap < exactness.relative_cost_gap < 2.0 * true_gap
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_the_log_at_the_map_says_the_same_as_the_pieces(world: str) -> None:
+    """Where it holds more rows than the pieces at hand, it is not asked: those are none of this join's."""
+    log = team(world, sigma=0.1, sigma_odometry=0.1)
+    members = built(log)
+    joined = join(submap for _, submap in members)
+    alone = with_exactness(joined, members).components[0].exactness
+    for tables in (log.tables, (*log.tables, log.tables[0])):
+        found = with_exactness(joined, members, [AtMap(tables, joined.map)]).components[0].exactness
+        assert found is not None and alone is not None
+        assert found.relative_cost_gap == pytest.approx(alone.relative_cost_gap, rel=1e-6)
+        assert found.max_shift_sigma == pytest.approx(alone.max_shift_sigma, rel=1e-6)
+        assert found.bytes == alone.bytes
 
 
 @pytest.mark.parametrize("world", WORLDS)

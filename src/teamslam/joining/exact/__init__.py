@@ -3,9 +3,11 @@
 from teamslam.joining.exact.cost import Cost, cost_of
 from teamslam.joining.exact.exactness import with_exactness
 from teamslam.joining.exact.full import full
+from teamslam.joining.exact.gap import AtMap
 from teamslam.joining.exact.rounds import exact_join
 
 __all__ = [
+    "AtMap",
     "Cost",
     "cost_of",
     "exact_join",

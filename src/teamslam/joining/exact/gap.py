@@ -10,11 +10,13 @@ one solve, since sums over robots are sums.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.join.join import Exactness
+from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Layout, Submap, Table, Values
 from teamslam.solver import Factor, System
 from teamslam.solver.linear import Matrix
@@ -22,9 +24,10 @@ from teamslam.solver.linear import Matrix
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """The team's problem at one point: `cost` F, `hessian` H and `step` d over the variables `free`, the `decrease` g'd
-    of F that d promises, and the `factor` of H."""
+    """The team's problem, a `system`, at one point: `cost` F, `hessian` H and `step` d over the variables `free`, the
+    `decrease` g'd of F that d promises, and the `factor` of H."""
 
+    system: System
     free: Layout
     cost: float
     hessian: Matrix
@@ -61,7 +64,25 @@ def gap_at(values: Values, tables: Sequence[Table], joined: Submap) -> Gap:
     factor.factorise(at.hessian.numbers)
     step = factor.solve(at.gradient)
     decrease = max(float(at.gradient @ step), 0.0)
-    return Gap(system.free, at.cost, at.hessian, step, decrease, factor)
+    return Gap(system, system.free, at.cost, at.hessian, step, decrease, factor)
+
+
+class AtMap:
+    """The rows of `tables` that speak of a map, at its estimate `values`: linearised together once, when somebody first
+    asks, for all who ask."""
+
+    def __init__(self, tables: Sequence[Table], joined: Submap) -> None:
+        self.joined, self.values = joined, point_of(joined)
+        self.tables, _ = usable_rows(tables, self.values.layout)
+
+    @cached_property
+    def gap(self) -> Gap:
+        """The gap there. Raises SolveError where these rows do not determine the map."""
+        return gap_at(self.values, self.tables, self.joined)
+
+    def __len__(self) -> int:
+        """How many rows speak of the map."""
+        return sum(map(len, self.tables))
 
 
 def frame_of(joined: Submap) -> IntArray:

@@ -20,6 +20,7 @@ from teamslam.joining.build.build import gaussian_part
 from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Dataset, Layout, Submap, Table, Values
 from teamslam.solver import Factor, System
+from teamslam.solver.linear import block_matrix
 from teamslam.solver.newton import Curvature
 
 
@@ -66,11 +67,9 @@ class Sending:
 def _numbers_of_blocks(submap: Submap) -> int:
     """How many numbers the blocks of a submap's information hold, whether zeros in them are stored (as a solve leaves
     them) or not (as a file does)."""
-    layout, entries = submap.values.layout, sp.coo_array(submap.information)
-    of_unknown, n = np.repeat(np.arange(len(layout)), layout.dofs), len(layout)
-    there = (of_unknown[entries.row], of_unknown[entries.col])
-    blocks = sp.csr_array((np.ones(len(entries.data)), there), shape=(n, n)).tocoo()
-    return int((layout.dofs[blocks.row] * layout.dofs[blocks.col]).sum())
+    layout = submap.values.layout
+    pattern, _ = block_matrix(layout, submap.information)
+    return 2 * pattern.size - int((layout.dofs.astype(np.int64) ** 2).sum())
 
 
 class Part:
