@@ -1,22 +1,22 @@
 """Figures come last: by then the map is written, and nothing that happens to them can lose it."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from teamslam.pipeline import Progress
-    from teamslam.results import Record
 
 
-def drawn(record: "Record", folder: Path, progress: "Progress") -> bool:
-    """Draw the figures of a run that is written in `folder`; False, and a complaint, where that fails."""
+def drawn(figures: Callable[[Path], object], folder: Path, progress: "Progress") -> bool:
+    """Put the figures of a run (see `drawing`) into the `folder` it is written in; False, and a complaint, where that
+    fails."""
     from teamslam.cli.console import complain
-    from teamslam.results import draw_record
 
     later = f"the map is whole in {folder}; `teamslam plot {folder}` draws its figures"
     progress("drawing", 0, 0)
     try:
-        draw_record(record, folder / "figures")
+        figures(folder / "figures")
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted while drawing; {later}") from None
     except Exception as error:

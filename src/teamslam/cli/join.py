@@ -79,6 +79,8 @@ def join(
     quiet
         Print nothing but errors.
     """
+    from contextlib import ExitStack
+
     from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import complain, pairs, progress_bar, say
     from teamslam.cli.figures import drawn
@@ -87,7 +89,7 @@ def join(
     from teamslam.cli.words import counted, outcome
     from teamslam.config import Config
     from teamslam.errors import InputError
-    from teamslam.results import refuse_to_overwrite, write_record
+    from teamslam.results import drawing, refuse_to_overwrite, write_record
     from teamslam.results.folder import OURS
     from teamslam.team import admit
     from teamslam.wire.pieces import piece_files
@@ -106,14 +108,15 @@ def join(
     if known is not None and len(known.parts) > 1:
         raise InputError(f"this run holds {len(known.parts)} maps in frames of their own; give one truth", path=truth)
     beside = _pieces_of(admitted.good, pieces)
-    crew, pictured = workers_for(workers, cluster), True
-    with progress_bar(quiet) as progress:
+    crew = workers_for(workers, cluster)
+    with progress_bar(quiet) as progress, ExitStack() as meanwhile:
         with parts_beside(out, crew) as parts:
             record = _joined(admitted, known, beside, crew, parts, maps, progress)
             progress("writing", 0, 0)
+            drawings = meanwhile.enter_context(drawing(record)) if figures else None
             write_record(record, Config(), out)
             progress("writing", 1, 1)
-        pictured = not figures or drawn(record, out, progress)
+        pictured = drawings is None or drawn(drawings, out, progress)
     if not quiet:
         left = f", {len(admitted.left_out)} left out by --without" if admitted.left_out else ""
         title = f"{counted(len(admitted.good), 'submap')} joined, {len(admitted.refused)} refused{left}"

@@ -76,6 +76,8 @@ def run(
     quiet
         Print nothing but errors.
     """
+    from contextlib import ExitStack
+
     from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import pairs, progress_bar, say
     from teamslam.cli.figures import drawn
@@ -85,7 +87,7 @@ def run(
     from teamslam.io import read
     from teamslam.pipeline import refuse_workers
     from teamslam.pipeline import run as run_pipeline
-    from teamslam.results import refuse_to_overwrite, write_run
+    from teamslam.results import Record, drawing, refuse_to_overwrite, write_record
     from teamslam.results.folder import OURS
     from teamslam.viz.style import METHOD_NAMES
 
@@ -94,16 +96,19 @@ def run(
     crew = workers_for(workers, cluster)
     if crew is not None:
         refuse_workers(options)
-    with progress_bar(quiet) as progress:
+    with progress_bar(quiet) as progress, ExitStack() as meanwhile:
         progress("reading", 0, 0)
         dataset = read(input, format=format, **options.read)
         progress("reading", 1, 1)
         with parts_beside(out, crew) as parts:
             result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
             progress("writing", 0, 0)
-            record = write_run(result, out, replace=force, figures=False)
+            record = Record.of(result)
+            drawings = meanwhile.enter_context(drawing(record)) if figures else None
+            refuse_to_overwrite(out, replace=force, ours=OURS)
+            write_record(record, options, out)
             progress("writing", 1, 1)
-        pictured = not figures or drawn(record, out, progress)
+        pictured = drawings is None or drawn(drawings, out, progress)
     if not quiet:
         pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
         say(f"written: {out}" + (f"; look at {out / 'figures' / 'map.png'} first" if figures and pictured else ""))

@@ -33,7 +33,7 @@ from teamslam.io.maps.tum import write_trajectories
 from teamslam.model import Layout, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
-from teamslam.results.figures import figures_of, save
+from teamslam.results.drawing import drawing
 from teamslam.results.record import Record
 from teamslam.results.residuals import read_residuals, write_residuals
 from teamslam.results.tables import (
@@ -43,7 +43,7 @@ from teamslam.results.tables import (
     write_team,
     write_trajectory_table,
 )
-from teamslam.results.whole import made_folder, refuse_to_overwrite, whole_folder
+from teamslam.results.whole import refuse_to_overwrite, whole_folder
 from teamslam.solver import Covariances
 
 
@@ -56,9 +56,12 @@ def write_run(result: Result, folder: str | Path, *, replace: bool = False, figu
     folder = Path(folder)
     refuse_to_overwrite(folder, replace=replace, ours=OURS)
     record = Record.of(result)
-    write_record(record, result.config, folder)
-    if figures:
-        draw_record(record, folder / "figures")
+    if not figures:
+        write_record(record, result.config, folder)
+        return record
+    with drawing(record) as drawn:
+        write_record(record, result.config, folder)
+        drawn(folder / "figures")
     return record
 
 
@@ -72,21 +75,11 @@ def write_record(record: Record, config: Config, folder: Path) -> None:
         with named(draft / name):
             FILES[name](record, draft / name)
 
-    for covariances in record.covariances:
-        covariances.all  # noqa: B018  # computed once, before several tables ask
+    record.with_covariances()
     with whole_folder(folder) as draft, ThreadPoolExecutor() as pool:
         with named(draft / "config.toml"):
             write_config(config, draft / "config.toml")
         list(pool.map(write, FILES))
-
-
-def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float | None = None) -> list[Path]:
-    """The figures of a run, into its folder of figures or another; returns the files."""
-    files, folder = [], made_folder(folder)
-    for name, figure in figures_of(record).items():
-        files.append(folder / f"{name}.{type}")
-        save(figure, files[-1], dpi=dpi)
-    return files
 
 
 def _write_report(record: Record, path: Path) -> None:

@@ -44,6 +44,12 @@ class Record:
             residuals=residuals_of(result.verdict),
         )
 
+    def with_covariances(self) -> "Record":
+        """Itself, the covariances of all variables at hand: made once, before several ask at a time."""
+        for covariances in self.covariances:
+            covariances.all  # noqa: B018
+        return self
+
     @property
     def method(self) -> str:
         """How the map was made: 'join' or 'full'."""
