@@ -5,7 +5,7 @@ split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squar
 """
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,7 +32,7 @@ from teamslam.joining import (
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.scale import Workers, gather, join_in_tree
-from teamslam.solver import Covariances, Options
+from teamslam.solver import Covariances, Options, each_side_by_side
 from teamslam.trust import Verdict, verdict
 from teamslam.wire.pieces import write_pieces
 
@@ -41,6 +41,7 @@ Progress = Callable[[str, int, int], None]
 """Hears the stage, how much of it is done, and of how much (0: nobody knows)."""
 
 DEFAULTS = Config()
+LONG = 5000  # rows of a piece from which on its computing outweighs the Python around it
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def run(
     else:
         pieces = _pieces(log, config)
         clock.start("building submaps", len(pieces))
-        built = clock.each(_tried(piece, lambda piece: _build(piece, config.solver)) for piece in pieces)
+        built = clock.each(_each(pieces, lambda piece: _build(piece, config.solver)))
         submaps, remarks = zip(*_whole(built), strict=True)
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
@@ -151,7 +152,7 @@ def _in_rounds(log: Dataset, config: Config, clock: "Clock") -> tuple[tuple[Subm
     """Submaps built and joined exactly, from the best that can be built of each piece."""
     pieces = _pieces(log, config)
     clock.start("building submaps", len(pieces))
-    built = clock.each(_tried(piece, lambda piece: build_choices(piece, options=config.solver)) for piece in pieces)
+    built = clock.each(_each(pieces, lambda piece: build_choices(piece, options=config.solver)))
     choices = _whole(built)
     clock.start("joining in rounds")
     joined = exact_join(
@@ -165,12 +166,17 @@ def _in_rounds(log: Dataset, config: Config, clock: "Clock") -> tuple[tuple[Subm
     return tuple(found[0] for found in choices), _with_books(log, joined, built, ())
 
 
-def _tried(piece: Dataset, make: Callable[[Dataset], T]) -> T | Unbuilt:
-    """What is made of a piece, or why nothing can be."""
-    try:
-        return make(piece)
-    except SolveError as error:
-        return Unbuilt(piece, str(error))
+def _each(pieces: Sequence[Dataset], make: Callable[[Dataset], T]) -> Iterator[T | Unbuilt]:
+    """What is made of each piece, or why nothing can be; long pieces several at a time."""
+
+    def tried(piece: Dataset) -> T | Unbuilt:
+        try:
+            return make(piece)
+        except SolveError as error:
+            return Unbuilt(piece, str(error))
+
+    long = any(sum(map(len, piece.tables)) > LONG for piece in pieces)
+    return each_side_by_side(tried, pieces) if long else map(tried, pieces)
 
 
 def _whole(built: Sequence[T | Unbuilt]) -> list[T]:

@@ -6,7 +6,7 @@ from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
 from teamslam.solver.optimise import Options, convex_start, optimise
-from teamslam.solver.parallel import side_by_side
+from teamslam.solver.parallel import each_side_by_side, side_by_side
 from teamslam.solver.rules import RULES
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
@@ -27,6 +27,7 @@ __all__ = [
     "System",
     "block_matrix",
     "convex_start",
+    "each_side_by_side",
     "linearise_numerically",
     "optimise",
     "optimise_graduated",

@@ -1,6 +1,6 @@
 """Work on several parts at a time: the kernel lets go of Python while it computes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -12,8 +12,18 @@ R = TypeVar("R")
 
 def side_by_side(work: Callable[[T], R], parts: Sequence[T]) -> list[R]:
     """What `work` makes of each part, in their order, on as many threads as the kernel may use."""
+    return list(each_side_by_side(work, parts))
+
+
+def each_side_by_side(work: Callable[[T], R], parts: Sequence[T]) -> Iterator[R]:
+    """The same, one after the other as they are done. Where one fails, or the caller stops listening, no other is
+    begun."""
     threads = min(kernel.threads(), len(parts))
     if threads < 2:
-        return [work(part) for part in parts]
-    with ThreadPoolExecutor(threads) as team:
-        return list(team.map(work, parts))
+        yield from map(work, parts)
+        return
+    team = ThreadPoolExecutor(threads)
+    try:
+        yield from team.map(work, parts)
+    finally:
+        team.shutdown(cancel_futures=True)

@@ -1,0 +1,38 @@
+"""Parts worked on side by side come out as one after the other, in their order and to the bit."""
+
+import numpy as np
+import pytest
+
+from teamslam.joining import build, split
+from teamslam.solver import each_side_by_side, side_by_side
+from worlds import WORLDS, team
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_submaps_built_side_by_side_are_the_same(world: str) -> None:
+    pieces = split(team(world, robots=4, poses=40))
+    for alone, beside in zip(map(build, pieces), side_by_side(build, pieces), strict=True):
+        np.testing.assert_array_equal(alone.values.state, beside.values.state)
+        np.testing.assert_array_equal(alone.information.data, beside.information.data)
+
+
+def test_what_fails_is_raised_in_its_place_and_ends_the_rest() -> None:
+    begun: list[int] = []
+
+    def work(part: int) -> int:
+        begun.append(part)
+        return 1 // (3 - part)
+
+    found = each_side_by_side(work, range(1000))
+    assert [next(found) for _ in range(3)] == [0, 0, 1]
+    with pytest.raises(ZeroDivisionError):
+        next(found)
+    assert len(begun) < 1000
+
+
+def test_who_stops_listening_starts_no_more() -> None:
+    begun: list[int] = []
+    found = each_side_by_side(lambda part: begun.append(part), range(100_000))
+    next(found)
+    found.close()
+    assert len(begun) < 100_000
