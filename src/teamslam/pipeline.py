@@ -95,8 +95,8 @@ def run(
         joined = full(log, options=config.solver)
     elif workers is not None:
         pieces = _pieces(log, config)
-        submaps, joined = _on_workers(pieces, workers, work, config.solver, clock)
-        joined = _with_books(log, joined, (), ())
+        submaps, joined, unbuilt = _on_workers(pieces, workers, work, config.solver, clock)
+        joined = _with_books(log, joined, unbuilt, ())
     elif config.join.exact:
         submaps, joined = _in_rounds(log, config, clock)
     else:
@@ -202,13 +202,14 @@ def _with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: 
 
 def _on_workers(
     pieces: Sequence[Dataset], workers: Workers, work: Path | None, options: Options, clock: "Clock"
-) -> tuple[tuple[Submap, ...], Joined]:
-    """Submaps built and joined on workers; from the tree's estimate on, their join at once."""
+) -> tuple[tuple[Submap, ...], Joined, list[Unbuilt]]:
+    """Submaps built and joined on workers; from the tree's estimate on, their join at once. And what was not built."""
     with nullcontext(work) if work else TemporaryDirectory(prefix="teamslam-") as folder:
         files = write_pieces(pieces, Path(folder) / "pieces")
         tree = join_in_tree(files, Path(folder), workers=workers, options=options, progress=clock.hear)
         clock.start("joining submaps")
-        return tree.leaves(), gather(tree, options)
+        unbuilt = [Unbuilt(pieces[barren.number], barren.reason) for barren in tree.unbuilt]
+        return tree.leaves(), gather(tree, options), unbuilt
 
 
 class Clock:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stress.world import numbered
 from teamslam.io import read_submaps, write, write_submaps
 from teamslam.joining import build, split
 from teamslam.model import Dataset
@@ -44,6 +45,36 @@ def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Pa
     assert ours["exactness"]["rounds"] == 1
     assert ours["refused"] == ours["without"] == []
     assert ours["input"] == str(tmp_path / "submaps")
+
+
+def test_what_submaps_carry_and_no_map_can_use_is_left_out_or_waits(teamslam, tmp_path: Path) -> None:
+    log = team("2d", robots=2, poses=6, landmarks=4, sees=1.0, model="bearing", robot_model="range")
+    seen = next(t for t in log.tables if t.source == "landmarks" and t.robot == 1)
+    once = np.flatnonzero(seen.keys[:, 1] == seen.keys[0, 1])[:1]
+    rest = [t.select(t.keys[:, 1] != seen.keys[0, 1]) for t in log.tables if t.source == "landmarks"]
+    others = [t for t in log.tables if t.source != "landmarks"]
+    faint = log.with_tables(numbered([*others, *rest, seen.select(once)]))
+    submaps = [build(piece) for piece in split(faint)]
+    write_submaps(submaps, tmp_path / "both")
+    called = teamslam("join", tmp_path / "both", "--out", tmp_path / "map", "--no-figures")
+    report = json.loads((tmp_path / "map" / "report.json").read_text())
+    run = teamslam("run", _written(faint, tmp_path / "log"), "--out", tmp_path / "run", "--no-figures")
+    by_run = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert [lost["kind"] for lost in report["left_out"]] == ["landmark"]
+    assert report["left_out"] == by_run["left_out"] and report["left_out"][0]["rows"] == 1
+    assert called.code == run.code == 1 and report["left_out"][0]["what"] in called.out
+
+    write_submaps(submaps[:1], tmp_path / "one")
+    teamslam("join", tmp_path / "one", "--out", tmp_path / "alone", "--no-figures")
+    alone = json.loads((tmp_path / "alone" / "report.json").read_text())
+    count = sum(len(t) for t in faint.tables if t.source == "robots" and t.robot == 1)
+    (waits,) = alone["remarks"]
+    assert waits.startswith(f"{count} rows of robots of robot 1 speak of poses of robot 2")
+
+
+def _written(log: Dataset, path: Path) -> Path:
+    write(log, path, "plain")
+    return path
 
 
 def test_an_exact_run_stops_at_the_stated_gap(teamslam, log: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from perishing import join_with_an_end, piece_after_a_death, piece_of, piece_of_
 from teamslam.errors import InputError, ModelError, SolveError
 from teamslam.geometry import Array
 from teamslam.joining import Joined, build, join, split
-from teamslam.model import Dataset, Values, is_pose, robot_of
+from teamslam.model import Dataset, Table, Values, is_pose, robot_of
+from teamslam.pipeline import run
 from teamslam.scale import Cluster, Processes, TreeMap, gather, join_in_tree
 from teamslam.scale.sharing import Sharing, by_sharing
 from teamslam.scale.tree import Part, settled
@@ -134,6 +136,32 @@ def test_a_group_that_finds_no_optimum_goes_on_unjoined(tmp_path: Path) -> None:
     assert not stopped.converged
     assert settled(stopped, maps, of_id, root=False) == [(submap, (part,)) for part, submap in maps.items()]
     assert settled(stopped, maps, of_id, root=True) == [(stopped.map, tuple(maps))]
+
+
+def blind(log: Dataset, robot: int) -> Dataset:
+    """The log with one robot whose odometry says nothing of the heading, and who measured nothing else."""
+
+    def headless(table: Table) -> Table:
+        return replace(table, whitening=np.diag([1.0, 1.0, 0.0]) @ table.whitening) if table.robot == robot else table
+
+    return log.with_tables(headless(t) for t in log.tables if t.robot != robot or t.source == "odometry")
+
+
+def test_a_piece_that_cannot_be_built_is_left_out_and_the_rest_is_mapped() -> None:
+    log = blind(team("2d", robots=3, poses=6, landmarks=4, sees=1.0), robot=2)
+    by_tree, at_once = run(log, workers=Here()), run(log)
+    for joined in (by_tree.joined, at_once.joined):
+        (lost,) = joined.left_out
+        assert lost.kind == "piece" and "robot 2" in lost.what and lost.count == 5
+        assert "is not determined" in lost.reason
+        assert joined.components[0].members == ("1/0", "3/0")
+    assert shifts(by_tree.map.values, at_once.joined).max() < 1e-6
+
+
+def test_where_nothing_can_be_built_the_reason_is_told(tmp_path: Path) -> None:
+    pieces = split(blind(team("2d", robots=1, poses=4), robot=1))
+    with pytest.raises(SolveError, match="not determined"):
+        join_in_tree(write_pieces(pieces, tmp_path / "pieces"), tmp_path / "join", workers=Here())
 
 
 def test_trajectories_a_file_a_robot(tmp_path: Path) -> None:

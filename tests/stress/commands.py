@@ -19,10 +19,15 @@ OPTIONS = {"join": [], "exact": ["--exact"], "full": ["--method", "full"]}
 
 
 def check_command(outcome: Outcome, findings: Findings) -> None:
-    """`teamslam run` on a plain folder does what `run` did: the same figures, or the same sentence and code."""
+    """`teamslam run` on a plain folder does what `run` did: the same figures, or the same sentence and code.
+
+    It reads the very text that the log was read from: a log that is written once more differs in the last digit, and a
+    log with several optima may then end in another one.
+    """
+    assert outcome.file is not None
     with TemporaryDirectory() as name:
         folder = Path(name)
-        ts.write(outcome.log, folder / "log", format="plain")
+        ts.write(outcome.file.before, folder / "log", format="plain")
         arguments = ["run", str(folder / "log"), "--out", str(folder / "map"), "--no-figures"]
         code, said = _called([*arguments, *OPTIONS[outcome.method]])
         if outcome.error is not None:

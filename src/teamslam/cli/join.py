@@ -152,8 +152,8 @@ def _joined(
     from dataclasses import replace
 
     from teamslam.config import Config
+    from teamslam.joining import accounted_raw, with_exactness
     from teamslam.joining import join as join_submaps
-    from teamslam.joining import with_exactness
     from teamslam.model import Dataset, robot_of
     from teamslam.pipeline import Clock, Result, scores_of
     from teamslam.results.record import Record
@@ -166,6 +166,7 @@ def _joined(
         joined = join_submaps(admitted.good)
     else:
         joined = _on_workers(admitted.good, workers, parts, clock)
+    joined = accounted_raw(admitted.good, joined)
     if pieces:
         clock.start("exactness")
         joined = with_exactness(joined, pieces)

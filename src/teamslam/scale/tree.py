@@ -33,7 +33,7 @@ from teamslam.joining import Component, Interior, Joined, build, condense, join
 from teamslam.model import WORLD, Dataset, Submap
 from teamslam.scale.cluster import Crew, Processes, Workers, crew
 from teamslam.scale.sharing import Sharing, by_sharing
-from teamslam.scale.treemap import TreeMap, read_values, write_values
+from teamslam.scale.treemap import Barren, TreeMap, read_values, write_values
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 from teamslam.wire.pieces import read_piece
@@ -43,6 +43,7 @@ Job = Path | Callable[[], Dataset]
 module, or a functools.partial of one), known again by its pickled bytes."""
 Progress = Callable[[str, int, int], None]
 
+SHORT = "the last groups of the tree stopped short of an optimum, and are used as they are"
 FAN = 4  # groups joined at a time: neighbours of a plane come in fours
 EVERYONE = Processes()
 
@@ -86,7 +87,8 @@ def join_in_tree(
     """The map of all leaves together, in `folder`; a call that was interrupted goes on from what is there.
 
     Up to `fan` groups are joined at a time. Laws: with fan >= len(jobs) the estimate is that of `teamslam.join`; else
-    it differs to second order in the noise. Raises as `build` and `join` do, and SolveError where workers keep dying.
+    it differs to second order in the noise. A piece that no submap can be built of is left out: `unbuilt` of the result
+    says which and why. Raises as `join` does, and SolveError where nothing can be built or workers keep dying.
     """
     if fan < 2:
         raise InputError(f"a tree joins at least 2 at a time, found {fan}", field="fan")
@@ -94,40 +96,50 @@ def join_in_tree(
         raise ModelError("there is nothing to join: the set of submaps is empty")
     tell = progress or (lambda stage, done, of: None)
     with crew(workers) as team:
-        leaves = _leaves(team, jobs, folder, options, tell)
+        leaves, unbuilt = _leaves(team, jobs, folder, options, tell)
         parts, joined = _upwards(team, leaves, folder, fan, options, tell)
         estimates = _downwards(team, parts, joined, folder, tell)
-    return TreeMap(joined, estimates, tuple(leaf.file for leaf in leaves))
+    return TreeMap(joined, estimates, tuple(leaf.file for leaf in leaves), unbuilt)
 
 
 # --- leaves -----------------------------------------------------------------------------------------------------------
 
 
-def _leaves(team: Crew, jobs: Sequence[Job], folder: Path, options: Options, tell: Progress) -> list[Leaf]:
+def _leaves(
+    team: Crew, jobs: Sequence[Job], folder: Path, options: Options, tell: Progress
+) -> tuple[list[Leaf], tuple[Barren, ...]]:
+    """All submaps, neighbours beside each other, and the jobs that none can be made of."""
     stage = "building submaps"
     tell(stage, 0, len(jobs))
-    tasks = [(job, _name(job, options), folder, options) for job in jobs]
-    leaves = team.each(_leaf, tasks, partial(tell, stage))
+    tasks = [(number, job, _name(job, options), folder, options) for number, job in enumerate(jobs)]
+    made = team.each(_leaf, tasks, partial(tell, stage))
+    leaves = [leaf for leaf in made if isinstance(leaf, Leaf)]
+    unbuilt = tuple(barren for barren in made if isinstance(barren, Barren))
+    if not leaves:
+        raise SolveError(unbuilt[0].reason)
     by_id: dict[str, Leaf] = {}
     for leaf in leaves:
         if by_id.setdefault(leaf.id, leaf) is not leaf:
             raise ModelError(f"two submaps are both called {leaf.id}; each piece of a log goes in once")
     in_time = sorted(leaves, key=lambda leaf: (leaf.base, leaf.id))
-    return [in_time[place] for place in by_sharing([leaf.keys for leaf in in_time])]
+    return [in_time[place] for place in by_sharing([leaf.keys for leaf in in_time])], unbuilt
 
 
 def _name(job: Job, options: Options) -> str:
     return _digest(job.read_bytes() if isinstance(job, Path) else pickle.dumps(job), repr(options))
 
 
-def _leaf(task: tuple[Job, str, Path, Options]) -> Leaf:
-    """A worker builds a submap, or finds it built."""
-    job, name, folder, options = task
+def _leaf(task: tuple[int, Job, str, Path, Options]) -> Leaf | Barren:
+    """A worker builds a submap, or finds it built; or tells why none can be."""
+    number, job, name, folder, options = task
     if isinstance(job, Path) and job.suffix == SUFFIX:
         return _outline(name, job, read_submap(job))
     file = folder / "submaps" / f"{name}{SUFFIX}"
     if (submap := _finished(file)) is None:
-        submap = read_piece(job).submap(options) if isinstance(job, Path) else build(job(), options=options)
+        try:
+            submap = read_piece(job).submap(options) if isinstance(job, Path) else build(job(), options=options)
+        except SolveError as error:
+            return Barren(number, str(error))
         write_submap(submap, file)
     return _outline(name, file, submap)
 
@@ -179,9 +191,8 @@ def _upwards(
         groups = [group.parts for group in done]
         if root:
             components = (Component(read_submap(p.whole, prove=False), None, tuple(_ids(p, ids))) for p in groups[0])
-            if not done[0].converged:
-                raise SolveError("the last groups of the tree did not converge; allow more iterations, or join at once")
-            return groups[0], Joined(tuple(components), done[0].reasons)
+            remarks = () if done[0].converged else (SHORT,)
+            return groups[0], Joined(tuple(components), done[0].reasons, remarks=remarks)
 
 
 def _condensed_leaf(task: tuple[str, Path, IntArray, Path]) -> Part:
@@ -221,7 +232,12 @@ def _joined_group(task: tuple[tuple[Part, ...], IntArray | None, Path, Options])
         return found
     maps = {part: read_submap(part.small, prove=False) for part in parts}
     of_id = {submap.id: part for part, submap in maps.items()}
-    joined = join(maps.values(), options=options)
+    try:
+        joined = join(maps.values(), options=options)
+    except SolveError:
+        if shared is None:
+            raise
+        return Group(parts, (), False)  # nothing is joined yet: perhaps what holds them comes with the next group
     out = []
     for number, (whole_map, members) in enumerate(settled(joined, maps, of_id, root=shared is None)):
         whole = small = folder / "tree" / f"{name}-{number}-whole{SUFFIX}"

@@ -24,15 +24,24 @@ from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
 
+@dataclass(frozen=True)
+class Barren:
+    """A job that no submap can be made of, by its number, and why."""
+
+    number: int
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class TreeMap:
     """`joined`: the variables that the last joined groups shared, with their information; one component for each part
     of the team that hangs together. `estimates`: by component, the files that hold all variables, in the frame of the
-    component's map. `submaps`: the files of the leaves."""
+    component's map. `submaps`: the files of the leaves. `unbuilt`: the jobs that no submap could be made of."""
 
     joined: Joined
     estimates: tuple[tuple[Path, ...], ...]
     submaps: tuple[Path, ...]
+    unbuilt: tuple[Barren, ...] = ()
 
     def leaves(self) -> tuple[Submap, ...]:
         """All submaps, in memory, by base and id."""

@@ -1,6 +1,6 @@
 """Algorithm 2: submaps joined into one map, at once or in another order."""
 
-from teamslam.joining.join.account import Unbuilt, accounted
+from teamslam.joining.join.account import Unbuilt, accounted, accounted_raw
 from teamslam.joining.join.join import Component, Exactness, Joined, join
 from teamslam.joining.join.orders import ORDERS, join_by_tree, join_sequentially
 
@@ -11,6 +11,7 @@ __all__ = [
     "Joined",
     "Unbuilt",
     "accounted",
+    "accounted_raw",
     "join",
     "join_by_tree",
     "join_sequentially",

@@ -11,7 +11,20 @@ import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
-from teamslam.model import Dataset, LeftOut, Sources, Stretch, Submap, Table, is_landmark, is_pose, robot_of
+from teamslam.model import (
+    Dataset,
+    Kind,
+    Layout,
+    LeftOut,
+    Names,
+    Sources,
+    Stretch,
+    Submap,
+    Table,
+    is_landmark,
+    is_pose,
+    robot_of,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +42,40 @@ def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> 
     silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
     remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
     return replace(joined, left_out=left_out, remarks=(*joined.remarks, *remarks))
+
+
+def accounted_raw(submaps: Iterable[Submap], joined: Joined) -> Joined:
+    """The join with all that its submaps carried raw and that none of its maps could use, where the log itself is not
+    at hand. Rows about poses that no submap here holds are not lost: they stay with the map, which is a remark."""
+    raw = [table for submap in submaps for table in submap.raw if len(table)]
+    if not raw:
+        return joined
+    maps = [component.map for component in joined.components]
+    poses = np.unique(np.concatenate([m.keys[is_pose(m.keys)] for m in maps]))
+    here = [np.asarray((~is_pose(t.keys) | np.isin(t.keys, poses)).all(1)) for t in raw]
+    tables = tuple(t.select(mask) for t, mask in zip(raw, here, strict=True) if mask.any())
+    robots = {int(robot_of(p)): Kind(k).dim for m in maps for p, k in _poses_in(m.all_values.layout)}
+    log = Dataset(robots | {t.robot: t.dim for t in tables if t.robot not in robots}, tables, joined.map.names)
+    waiting = [t.select(~mask) for t, mask in zip(raw, here, strict=True) if not mask.all()]
+    remarks = [_waits(table, poses, log.names) for table in waiting]
+    return replace(joined, left_out=tuple(_Books(log, maps).entries(())), remarks=(*joined.remarks, *remarks))
+
+
+def _poses_in(layout: Layout) -> Iterator[tuple[int, int]]:
+    mask = is_pose(layout.keys) & (robot_of(layout.keys) > 0)
+    yield from zip(layout.keys[mask].tolist(), layout.kinds[mask].tolist(), strict=True)
+
+
+def _waits(table: Table, poses: IntArray, names: Names) -> str:
+    """What is said of rows about poses that are in no submap."""
+    absent = table.keys[is_pose(table.keys) & ~np.isin(table.keys, poses)]
+    whose = " and ".join(f"robot {names.robot(int(robot))}" for robot in np.unique(robot_of(absent)))
+    one = len(table) == 1
+    rows, wait = ("row", "it waits") if one else ("rows", "they wait")
+    return (
+        f"{len(table)} {rows} of {table.source} of robot {names.robot(table.robot)} {'speaks' if one else 'speak'} of "
+        f"poses of {whose} that are in no submap here; {wait} in the map for the submaps that hold them"
+    )
 
 
 class _Books:
