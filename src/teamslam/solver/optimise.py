@@ -187,7 +187,7 @@ class _Search:
         if gain is None:
             self._stop()
             return
-        if after is not None and gain <= self.rule.needs:
+        if after is not None and gain < self.rule.corrects_below:
             trial, after, gain = self._corrected(trial, after, gain)
             settling = False
         try:
@@ -282,8 +282,10 @@ class _Search:
             if looked is None:
                 break
             at = looked
-            if (better := (self.cost - at.cost) / trial.step.predicted) > self.rule.needs:
-                return replace(trial, values=values), at, better
+            if (better := (self.cost - at.cost) / trial.step.predicted) > gain:
+                trial, after, gain = replace(trial, values=values), at, better
+            if gain >= self.rule.corrects_below:
+                break
         return trial, after, gain
 
     def _ahead(self, decrement: float) -> float:

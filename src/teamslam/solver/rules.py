@@ -14,6 +14,7 @@ from teamslam.geometry import Array
 from teamslam.solver.linear import Factor
 from teamslam.solver.system import Linearised
 
+FAIR = 0.75  # of the decrease that was predicted: what steps of this length can expect
 ENOUGH = 1e-4  # of the decrease that was predicted: a step that gains less is not taken
 
 
@@ -32,8 +33,8 @@ class Rule(Protocol):
     """A step rule: proposes a step, and hears what became of it."""
 
     damping: float
-    needs: float
-    """The least gain of a step that is taken."""
+    corrects_below: float
+    """The gain below which a step asks to be brought back to what stiff measurements hold."""
 
     def propose(self, factor: Factor, at: Linearised, insist: bool) -> Proposal:
         """The step to try. Raises SolveError where the (damped) matrix is not positive definite; where H has curvature
@@ -51,7 +52,7 @@ class GaussNewton:
     """The full step, always taken: fast near the optimum, without a safety net."""
 
     damping = 0.0
-    needs = -np.inf
+    corrects_below = -np.inf
 
     def propose(self, factor: Factor, at: Linearised, insist: bool) -> Proposal:
         factor.factorise(at.hessian.numbers)
@@ -74,7 +75,7 @@ class LevenbergMarquardt:
     what bends down, and leave saddles (Nocedal & Wright, sec. 4.3).
     """
 
-    needs = ENOUGH
+    corrects_below = FAIR
     _FIRST, _SMALLEST, _MOST = 1e-4, 1e-14, 1e12
     _LEAST = 1e-5  # of the first damping: less is none
 
@@ -149,7 +150,7 @@ class Dogleg:
     Lengths are measured in the metric of S, the diagonal of the information, so that metres and radians compare.
     """
 
-    needs = ENOUGH
+    corrects_below = FAIR
 
     def __init__(self) -> None:
         self.damping = np.inf  # the trust radius, in sigmas; the first Gauss-Newton step sets the scale

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from teamslam.geometry import Pose
 from teamslam.joining import Joined, build_choices, exact_join, full, join, split
 from teamslam.joining.build.build import build
 from teamslam.joining.exact.robot import Part, Reduced
-from teamslam.model import Dataset, Loss, Values
+from teamslam.model import Dataset, Loss, Table, Values, pack, pose_key
 from teamslam.solver import Options
 from teamslam.solver.newton import Curvature
 from worlds import WORLDS, mixed_team, team
@@ -77,6 +78,43 @@ def test_a_robot_alone_that_fits_exactly_needs_no_rounds_to_say_so(world: str) -
     assert exact.converged and report is not None and report.rounds <= 5
 
 
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_small_share_of_a_step_goes_down_as_its_slope_says(world: str) -> None:
+    """Interiors that are far from their rest go the same share as the separators: F falls by 2 share g'd."""
+    (piece,) = split(team(world, robots=1, poses=12, landmarks=6))
+    submap = build(piece)
+    part = Part(piece, submap, submap.values.layout.keys[-2:])
+    assert not part.sends_whole
+    part.values = part.system.retract(part.values, np.random.default_rng(3).normal(0.0, 0.02, part.system.free.dof))
+    sent = part.reduce()
+    step = np.linalg.solve(sent.information.toarray(), sent.slope)
+    decrease = float(sent.slope @ step) + sent.interior
+    for share in (1e-3, 1e-5):
+        there = part.system.cost(part.follow(part.separators.retract(share * step), share))
+        assert sent.cost - there == pytest.approx(2.0 * share * decrease, rel=0.05)
+    still = part.follow(part.separators, 0.0)
+    np.testing.assert_allclose(still.minus(part.values), 0.0, atol=1e-14)
+
+
+def test_stiff_steps_with_headings_that_are_open_go_down_to_the_optimum() -> None:
+    """Places between which lengths are known to 10 um and headings not at all: the paper's join lies 1e5 sigma off."""
+    rng = np.random.default_rng(0)
+    keys, n = pose_key(1, np.arange(8)), 8
+    way = Pose.from_xytheta(np.stack([np.arange(n), np.zeros(n), np.zeros(n)], -1) + rng.normal(0.0, 0.3, (n, 3)))
+    steps = way[:-1].between(way[1:]).retract(rng.normal(0.0, 1.0, (n - 1, 3)) * [1e-5, 1e-5, 3.0])
+    weights = np.diag([1e5, 1e5, 0.3])[None]
+    seen = np.arange(0, n, 3)
+    places = way.translation[seen] + rng.normal(0.0, 3.0, (len(seen), 2))
+    tables = [
+        Table(1, "odometry", "relative_pose", 2, np.stack([keys[:-1], keys[1:]], -1), pack(steps), weights, np.arange(n - 1)),
+        Table(1, "world", "position", 2, keys[seen, None], places, np.eye(2)[None] / 3.0, np.arange(len(seen))),
+    ]
+    exact = exact_join(split(Dataset({1: 2}, tuple(tables))))
+    (component,) = exact.components
+    assert exact.converged and component.exactness is not None and component.exactness.gradient_norm < 1e-2
+    assert component.map.cost < 100.0
+
+
 @pytest.mark.parametrize("which", ["steps that are halved", "many separators"])
 def test_every_number_sent_is_counted(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted where it is sent: by every robot in every round, and for every step and part of a step that is tried."""
@@ -89,9 +127,9 @@ def test_every_number_sent_is_counted(which: str, monkeypatch: pytest.MonkeyPatc
         up.append(sp.triu(sent.information).nnz + len(sent.slope) + scalars)
         return sent
 
-    def following(part: Part, separators: Values) -> Values:
-        down.append(len(separators.state))
-        return follow(part, separators)
+    def following(part: Part, separators: Values, share: float) -> Values:
+        down.append(len(separators.state) + 1)
+        return follow(part, separators, share)
 
     monkeypatch.setattr(Part, "reduce", reducing)
     monkeypatch.setattr(Part, "follow", following)

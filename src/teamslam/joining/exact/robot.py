@@ -5,8 +5,9 @@ separators s alone, the variables that somebody else knows too:
 
     Lambda = H_ss - H_sb H_bb^-1 H_bs,    eta = g_s - H_sb H_bb^-1 g_b,    f,    |g_b|^2 in H_bb^-1
 
-When the separators have moved by d_s, the interiors follow: d_b = H_bb^-1 (g_b - H_bs d_s). A robot whose separators
-are so many that Lambda, which is dense, is larger than its own sparse H sends that instead.
+When the separators have moved by a share of the step, the interiors go the same share of theirs:
+d_b = H_bb^-1 (share g_b - H_bs d_s), so that a small enough share of a step goes down. A robot whose separators are so
+many that Lambda, which is dense, is larger than its own sparse H sends that instead.
 """
 
 from collections.abc import Sequence
@@ -60,8 +61,8 @@ class Sending:
 
     @property
     def placing(self) -> int:
-        """How many numbers say where its separators are."""
-        return int(self.kept.state_start[-1])
+        """How many numbers say where its separators are, and by what share of a step."""
+        return int(self.kept.state_start[-1]) + 1
 
 
 def _numbers_of_blocks(submap: Submap) -> int:
@@ -108,14 +109,15 @@ class Part:
         interior = float(at.gradient @ at_rest)
         return Reduced(_dense(complement), slope, at.cost, interior, self.sending.numbers)
 
-    def follow(self, separators: Values) -> Values:
-        """The robot's estimate after its separators moved there; interiors go where the quadratic has its least."""
+    def follow(self, separators: Values, share: float) -> Values:
+        """The robot's estimate after its separators moved there, by this share of a step; all of a step takes the
+        interiors where the quadratic has its least."""
         shift = separators.minus(self.separators)
         if self.sends_whole:
             delta = np.zeros(self.system.free.dof)
             delta[self._columns] = shift
         else:
-            delta = self._factor.back_substitute(shift, self._gradient)
+            delta = self._factor.back_substitute(shift, share * self._gradient)
         return self.system.retract(self.values, delta)
 
 

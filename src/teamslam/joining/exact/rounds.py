@@ -6,7 +6,7 @@ where the team is:
 
     robot:        linearises f_i at its point S_i, eliminates its interiors, sends (Lambda, eta, f) over its separators
     coordinator:  e = S^ (-) h(G), one step of sum |e|^2_Lambda + 2 eta'e, and sends the separators' new places back
-    robot:        its interiors follow (see `part`); it answers with its cost there
+    robot:        its interiors follow (see `robot`); it answers with its cost there
 
 The first round is the paper's join. From then on this is Gauss-Newton on F by nested dissection, so its fixed point
 is grad F = 0: the full nonlinear least squares, though nobody holds all raw data. F is a sum of scalars, so a step
@@ -124,7 +124,7 @@ class _Team:
         """The paper's join, which is where the map is, and rounds until the gap is closed, or until rounding is all
         that is left of it."""
         self._reduced("none")
-        self._place(self._moved(self.values))
+        self._place(self._moved(self.values, 1.0))
         history: list[Step] = []
         bend, status, last = Bend(SLOW), Status.MAX_ITERATIONS, np.inf
         for _ in range(max_rounds):
@@ -139,7 +139,7 @@ class _Team:
             if progress is not None:
                 progress(history[-1])
             if not share:
-                status = Status.STUCK
+                status = Status.FLAT if ahead.decrease <= self._unseen(ahead.cost) else Status.STUCK
                 break
             if ahead.decrease <= gap * ahead.cost:
                 status = Status.CONVERGED  # and the last step, already known, is taken
@@ -149,16 +149,16 @@ class _Team:
     def _unseen(self, cost: float) -> float:
         """The decrease of F that its rounding hides: a share of F, or where F is next to nothing that of residuals."""
         residual = max(part.system.rounding(part.values) for part in self.parts)
-        return max(UNSEEN * cost, 10.0 * residual * float(np.sqrt(cost + 1.0)))
+        return max(UNSEEN * max(cost, 1.0), 10.0 * residual * float(np.sqrt(cost + 1.0)))
 
     def _descend(self, ahead: "_Ahead") -> float:
         """Go the largest share of the step (1, 1/2, 1/4, ...) that does not raise F, and say which; 0 for none."""
         share = 1.0
         while share > LEAST_SHARE:
             candidate = self._retract(share * ahead.step)
-            moved = self._moved(candidate)
+            moved = self._moved(candidate, share)
             after = raw_cost(self.raw, candidate) + self._costs(moved)
-            if np.isfinite(after) and after <= ahead.cost + UNSEEN * max(ahead.cost, 1.0):
+            if np.isfinite(after) and after <= ahead.cost + self._unseen(ahead.cost):
                 self.values = candidate
                 self._place(moved)
                 return share
@@ -180,11 +180,11 @@ class _Team:
             self.numbers += sent[-1].numbers
         return sent
 
-    def _moved(self, values: Values) -> list[Values]:
-        """Where the robots would be with the separators there, which they are told."""
+    def _moved(self, values: Values, share: float) -> list[Values]:
+        """Where the robots would be with the separators there, by this share of the step, which they are told."""
         self.numbers += sum(part.sending.placing for part in self.parts)
         local = (values.seen_from(values.pose(part.submap.base), part.kept) for part in self.parts)
-        return [part.follow(separators) for part, separators in zip(self.parts, local, strict=True)]
+        return [part.follow(separators, share) for part, separators in zip(self.parts, local, strict=True)]
 
     def _costs(self, moved: Sequence[Values]) -> float:
         """What the robots' measurements would cost there, one number from each."""
