@@ -40,7 +40,7 @@ class Options:
     """
 
     rule: str = "levenberg_marquardt"
-    max_iterations: int = 300
+    max_iterations: int = 1000
     decrement: float = 1e-6
     cost_share: float = 1e-16
 

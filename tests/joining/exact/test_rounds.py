@@ -105,8 +105,9 @@ def test_stiff_steps_with_headings_that_are_open_go_down_to_the_optimum() -> Non
     weights = np.diag([1e5, 1e5, 0.3])[None]
     seen = np.arange(0, n, 3)
     places = way.translation[seen] + rng.normal(0.0, 3.0, (len(seen), 2))
+    links = np.stack([keys[:-1], keys[1:]], -1)
     tables = [
-        Table(1, "odometry", "relative_pose", 2, np.stack([keys[:-1], keys[1:]], -1), pack(steps), weights, np.arange(n - 1)),
+        Table(1, "odometry", "relative_pose", 2, links, pack(steps), weights, np.arange(n - 1)),
         Table(1, "world", "position", 2, keys[seen, None], places, np.eye(2)[None] / 3.0, np.arange(len(seen))),
     ]
     exact = exact_join(split(Dataset({1: 2}, tuple(tables))))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from teamslam.config import Config, JoinOptions
+from teamslam.geometry import Pose
 from teamslam.io import read
-from teamslam.model import Dataset, Sources
+from teamslam.model import Dataset, Sources, Table, landmark_key, pack, pose_key
 from teamslam.pipeline import run
 from worlds import team
 
@@ -43,3 +44,26 @@ def test_what_stays_open_is_named(case: str, config: Config) -> None:
     log = read(CASES / case)
     balance(log, config)
     assert run(log, config).joined.left_out
+
+
+def ahead_of_a_way(seed: int) -> Dataset:
+    """Bearings alone from two poses to four landmarks, one of them dead ahead: noise decides whether its rays meet."""
+    rng, poses, marks = np.random.default_rng(seed), pose_key(1, np.arange(2)), landmark_key(np.arange(4))
+    way = Pose.from_xytheta(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    step = pack(Pose.from_xytheta(np.array([[1.0, 0.0, 0.0]]) + rng.normal(0.0, 0.01, (1, 3))))
+    places = np.array([[5.0, 0.0], [3.0, 4.0], [2.0, -3.0], [-2.0, 1.0]])
+    x, y = np.concatenate([places - place for place in way.translation]).T
+    angles = np.arctan2(y, x) + rng.normal(0.0, 1e-3, 8)
+    pairs = np.stack([np.repeat(poses, 4), np.tile(marks, 2)], -1)
+    odometry = Table(1, "odometry", "relative_pose", 2, poses[None], step, 100.0 * np.eye(3)[None], np.arange(1))
+    bearings = Table(1, "landmarks", "bearing", 2, pairs, angles[:, None], np.full((1, 1, 1), 1e3), np.arange(8))
+    return Dataset({1: 2}, (odometry, bearings))
+
+
+@pytest.mark.parametrize("config", WAYS, ids=["join", "exact", "full"])
+@pytest.mark.parametrize("seed", range(10, 25))
+def test_a_landmark_that_turns_out_to_be_open_ends_no_run(seed: int, config: Config) -> None:
+    """Rays that miss each other draw it onto a sensor or away from all, which shows on the way only."""
+    log = ahead_of_a_way(seed)
+    balance(log, config)
+    assert run(log, config).joined.converged

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from teamslam.errors import ModelError, SolveError
+from teamslam.geometry import IntArray
 from teamslam.joining.build.build import ROUGH, build_choices
 from teamslam.joining.build.split import split
 from teamslam.joining.exact.alone import excess
@@ -18,9 +19,12 @@ from teamslam.joining.exact.basins import lowest
 from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
+from teamslam.joining.join.optimum import without_loose
 from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values
-from teamslam.solver import Options, Step, System, optimise
+from teamslam.solver import Options, Solution, Step, System, optimise
 from teamslam.solver.optimise import DEFAULTS
+
+NOBODY = np.zeros(0, np.int64)
 
 
 def full(
@@ -65,12 +69,7 @@ def _full(
 ) -> Component:
     joined = component.map
     start = joined.values if joined.base == WORLD else joined.all_values
-    tables = list(_within(dataset.tables, start))
-    if not tables:
-        raise ModelError("none of the dataset's measurements speak of the map to start from")
-    start, fixed = _gauge(start, joined, tables)
-    system = System(start.layout, tables=tables, fixed=fixed, names=dataset.names)
-    solution = optimise(system, start, options, progress)
+    solution, tables, fixed = _solved(dataset, joined, start, options, progress)
     keep = ~np.isin(solution.values.layout.keys, fixed)
     full_map = Submap(
         id="full:" + joined.id,
@@ -88,6 +87,22 @@ def _full(
     return Component(full_map, solution, component.members, ambiguities=component.ambiguities)
 
 
+def _solved(
+    dataset: Dataset, joined: Submap, start: Values, options: Options, progress: Callable[[Step], None] | None
+) -> tuple[Solution, list[Table], IntArray]:
+    """The solution, the tables that it is of, and what is held. A landmark that turns out to be open is left out."""
+    while True:
+        tables = list(_within(dataset.tables, start))
+        if not tables:
+            raise ModelError("none of the dataset's measurements speak of the map to start from")
+        anchored, fixed = _gauge(start, joined, tables)
+        system = System(anchored.layout, tables=tables, fixed=fixed, names=dataset.names)
+        try:
+            return optimise(system, anchored, options, progress), tables, fixed
+        except SolveError as error:
+            start = without_loose(start, error, NOBODY)
+
+
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:
     """The rows whose variables are all among the values."""
     for table in tables:
@@ -96,7 +111,7 @@ def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:
             yield table.select(there)
 
 
-def _gauge(start: Values, joined: Submap, tables: list[Table]) -> tuple[Values, np.ndarray]:
+def _gauge(start: Values, joined: Submap, tables: list[Table]) -> tuple[Values, IntArray]:
     if joined.base == WORLD:
-        return start, np.zeros(0, np.int64)
+        return start, NOBODY
     return anchor(start, joined, tables)

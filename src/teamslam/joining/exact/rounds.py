@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array
@@ -30,7 +31,7 @@ from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of, raw_cost
 from teamslam.joining.exact.robot import Part, Reduced, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.join import Component, Joined, in_order, join
-from teamslam.joining.join.optimum import joined_map
+from teamslam.joining.join.optimum import joined_map, without_loose
 from teamslam.model import Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.newton import Bend, Curvature
@@ -82,8 +83,15 @@ def _rounds(
     max_rounds: int,
     progress: Callable[[Step], None] | None,
 ) -> Component:
-    parts, raw = parts_of(members, point_of(component.map).layout)
-    return _Team(parts, raw, component.map).run(component, gap, max_rounds, progress)
+    joined = component.map
+    held = np.concatenate([submap.values.layout.keys for _, submap in members])
+    while True:
+        parts, raw = parts_of(members, point_of(joined).layout)
+        try:
+            return _Team(parts, raw, joined).run(component, gap, max_rounds, progress)
+        except SolveError as error:
+            left = without_loose(joined.values, error, held)
+            joined = replace(joined, values=left, information=sp.csr_array(joined.information_of(left.layout.keys)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from teamslam.errors import SolveError
 from teamslam.geometry import IntArray, Pose
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.homes import homes
@@ -16,7 +17,7 @@ from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values
+from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
 from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
 
 
@@ -38,14 +39,19 @@ class Optimum:
         options: Options,
         progress: Callable[[Step], None] | None,
     ) -> "Optimum":
-        """The optimum from these frames of the members."""
+        """The optimum from these frames of the members. A landmark that only raw rows hold, and that these turn out to
+        leave open, is not among what is shared: its rows wait."""
         submaps = [member.joined for member in members]
         raw = [table for submap in submaps for table in submap.raw]
         stack = Stack.of(submaps)
         start = triangulate(start_values(stack, frames), raw)
-        usable, _ = usable_rows(raw, start.layout)
-        start, fixed = anchor(start, submaps[0], usable)
-        return cls._from(members, stack, start, usable, fixed, options, progress)
+        while True:
+            usable, _ = usable_rows(raw, start.layout)
+            anchored, fixed = anchor(start, submaps[0], usable)
+            try:
+                return cls._from(members, stack, anchored, usable, fixed, options, progress)
+            except SolveError as error:
+                start = without_loose(start, error, stack.keys)
 
     @classmethod
     def near(
@@ -103,6 +109,16 @@ class Optimum:
         """The joined map, in a frame of this dimension."""
         wholes = [member.whole for member in self.members]
         return joined_map(wholes, self.used, self.solution, self.fixed, self.names, base_dim)
+
+
+def without_loose(values: Values, error: SolveError, held: IntArray) -> Values:
+    """The values less a landmark that turned out to be open, so that its rows wait and it costs nobody else anything.
+
+    Raises the error again where it is of no landmark, or of one among `held`.
+    """
+    if error.key is None or not is_landmark(error.key) or np.isin(error.key, held):
+        raise error
+    return values.select(values.layout.keys != error.key)
 
 
 def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
