@@ -5,7 +5,8 @@
     python benchmarks/stress.py --seed 123 --rows "1/odometry:0-3 2/robots:0"             ... of some of its rows
     python benchmarks/stress.py --count 5000 --json stress.json    a campaign: failures by kind, each with its seeds
     python benchmarks/stress.py --middle --count 200               ... of logs of dozens to hundreds of poses
-    python benchmarks/stress.py --page PAGE.md small.json middle.json                     what campaigns counted
+    python benchmarks/stress.py --real --count 200                 ... of published logs, cut, thinned and renamed
+    python benchmarks/stress.py --page PAGE.md small.json middle.json real.json           what campaigns counted
 
 What a log is made of, and what is checked of its outcome, is in tests/stress.
 """
@@ -28,10 +29,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import stress_page
+from conftest import CACHE, DATA, unpacked
 from stress.drive import DRIVES, drive_of
 from stress.failure import Failure
+from stress.real import DRIVEN, LOGS, vary
 from stress.scenario import draw
-from stress.verdict import Verdict, heard, judge, rows_in, smallest, told
+from stress.verdict import Verdict, heard, judge, judge_real, rows_in, smallest, told
 
 PATIENCE_S = 60  # a log that takes longer hangs
 
@@ -49,19 +52,51 @@ class Row:
     seconds: float
     held: dict[str, int] = field(default_factory=dict)
     failures: list[dict[str, str]] = field(default_factory=list)
+    unchecked: dict[str, int] = field(default_factory=dict)
 
 
-def row_of(seed: int, middle: bool, drive: str | None) -> Row:
+@dataclass(frozen=True)
+class Kind:
+    """Which logs: small ones, middle ones, or variations of published ones (of one, by its name)."""
+
+    middle: bool = False
+    real: bool = False
+    name: str | None = None
+
+    def judge(self, seed: int, drive: str | None) -> Verdict:
+        """The verdict on a seed's log."""
+        if self.real:
+            return judge_real(seed, published, name=self.name, drive=drive)
+        return judge(seed, middle=self.middle, drive=drive)
+
+    def blank(self, seed: int, drive: str | None) -> "Row":
+        """What is known of a seed beforehand."""
+        if self.real:
+            scenario, _, drawn = vary(seed, published, self.name)
+            return Row(seed, drive or drawn, scenario.space, scenario.noise, scenario.faults, "", 0.0)
+        drawn_of = draw(seed, middle=self.middle)
+        return Row(seed, drive or drive_of(seed), drawn_of.space, drawn_of.noise, drawn_of.faults, "", 0.0)
+
+
+def published(name: str) -> Path:
+    """A published log's file or folder; ends the program with the reason where it is not there."""
+    for suffix in (".tar.xz", ".xz"):
+        if (archive := DATA / f"{name}{suffix}").is_file():
+            return unpacked(archive, CACHE / name)
+    sys.exit(f"data set '{name}' is not in {DATA}; put its archive there or set TEAMSLAM_DATA")
+
+
+def row_of(seed: int, kind: Kind, drive: str | None) -> Row:
     """One log, driven and checked."""
-    scenario, name = draw(seed, middle=middle), drive or drive_of(seed)
+    row = kind.blank(seed, drive)
     began = time.perf_counter()
-    row = Row(seed, name, scenario.space, scenario.noise, scenario.faults, "", 0.0)
     signal.signal(signal.SIGALRM, _hangs)
     signal.alarm(PATIENCE_S)
     try:
-        verdict = judge(seed, middle=middle, drive=name)
+        verdict = kind.judge(seed, drive)
         row.ended = ended(verdict)
         row.held = dict(verdict.findings.held)
+        row.unchecked = dict(verdict.findings.unchecked)
         row.failures = [asdict(f) for f in verdict.findings.failures]
     except Exception as error:
         row.ended = "the check itself failed"
@@ -86,7 +121,8 @@ def tell(verdict: Verdict) -> None:
     """One log in full."""
     outcome = verdict.outcome
     print(verdict.scenario)
-    print(f"drive: {verdict.drive}; rows: {told(rows_in(outcome.log))}")
+    rows = told(rows_in(outcome.log))
+    print(f"drive: {verdict.drive}; rows: {rows if len(rows) < 1000 else sum(map(len, outcome.log.tables))}")
     if outcome.error is not None:
         print(f"error: {type(outcome.error).__name__}: {outcome.error}")
     for component in outcome.components:
@@ -99,20 +135,22 @@ def tell(verdict: Verdict) -> None:
         print(f"FAILED {failure.kind}\n       {failure.detail}")
 
 
-def campaign(seeds: Sequence[int], middle: bool, drive: str | None, workers: int) -> list[Row]:
+def campaign(seeds: Sequence[int], kind: Kind, drive: str | None, workers: int) -> list[Row]:
     """All seeds, told by kind of failure at the end."""
     with ProcessPoolExecutor(workers) as pool:
-        rows = list(pool.map(row_of, seeds, [middle] * len(seeds), [drive] * len(seeds), chunksize=10))
+        rows = list(pool.map(row_of, seeds, [kind] * len(seeds), [drive] * len(seeds), chunksize=10))
     held = sum((Counter(row.held) for row in rows), Counter[str]())
     print(f"{len(rows)} logs: {dict(Counter(row.ended for row in rows))}; {sum(held.values())} statements held")
     for what, count in sorted(held.items()):
         print(f"  {count:7d}  {what}")
+    for what, count in sorted(sum((Counter(row.unchecked) for row in rows), Counter[str]()).items()):
+        print(f"  {count:7d}  not checked, the log being too large: {what}")
     kinds: dict[str, list[tuple[Row, str]]] = {}
     for row in rows:
         for failure in row.failures:
             kinds.setdefault(failure["kind"], []).append((row, failure["detail"]))
-    for kind, cases in sorted(kinds.items(), key=lambda item: -len(item[1])):
-        print(f"FAILED {len({r.seed for r, _ in cases})} logs: {kind}")
+    for what, cases in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        print(f"FAILED {len({r.seed for r, _ in cases})} logs: {what}")
         print(f"       seeds {list(dict.fromkeys((r.seed, r.drive) for r, _ in cases))[:8]}")
         print(f"       {cases[0][1][:300]}")
     slowest = sorted(rows, key=lambda row: -row.seconds)[:5]
@@ -124,29 +162,34 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=1)
-    parser.add_argument("--drive", choices=list(DRIVES))
+    parser.add_argument("--drive", choices=sorted({*DRIVES, *DRIVEN}))
     parser.add_argument("--rows", type=heard)
     parser.add_argument("--middle", action="store_true")
+    parser.add_argument("--real", nargs="?", const="any", choices=["any", *LOGS], help="of a published log")
     parser.add_argument("--shrink", action="store_true")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--page", nargs=3, type=Path, metavar=("PAGE", "SMALL", "MIDDLE"))
     given = parser.parse_args()
+    kind = Kind(given.middle, bool(given.real), given.real if given.real in LOGS else None)
     if given.page:
         small, middle = (json.loads(path.read_text(encoding="utf-8")) for path in given.page[1:])
         stress_page.write(given.page[0], small, middle, f"{platform.machine()}, {os.cpu_count()} cores")
         return 0
     if given.count > 1:
         seeds = range(given.seed, given.seed + given.count)
-        rows = campaign(seeds, given.middle, given.drive, given.workers)
+        rows = campaign(seeds, kind, given.drive, given.workers)
         if given.json:
             given.json.write_text(json.dumps([asdict(row) for row in rows]), encoding="utf-8")
         return int(any(row.failures for row in rows))
-    verdict = judge(given.seed, middle=given.middle, drive=given.drive, rows=given.rows)
+    if given.rows:
+        verdict = judge(given.seed, middle=given.middle, drive=given.drive, rows=given.rows)
+    else:
+        verdict = kind.judge(given.seed, given.drive)
     tell(verdict)
-    for kind in {f.kind for f in verdict.findings.failures} if given.shrink else ():
-        print(f"\nthe smallest that fails so: {kind}")
-        tell(smallest(verdict, kind)[1])
+    for failed in {f.kind for f in verdict.findings.failures} if given.shrink else ():
+        print(f"\nthe smallest that fails so: {failed}")
+        tell(smallest(verdict, failed)[1])
     return int(bool(verdict.findings.failures))
 
 

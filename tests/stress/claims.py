@@ -5,16 +5,16 @@ A sentence that no pattern knows is a failure of its own: what is said must be s
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.maps import rows_of
-from stress.oracle import Oracle, lever, spoken_of
+from stress.oracle import Oracle, TooLarge, lever, spoken_of
 from teamslam.joining import Component
-from teamslam.model import WORLD, Names, is_pose
+from teamslam.model import WORLD, Names, is_pose, robot_of
 
 WEAK_TURN = 0.2  # [rad]: a heading that is held no better may be called open
 WEAK_PLACE = 0.2  # of the distance
@@ -63,9 +63,21 @@ def check_sentences(outcome: Outcome, oracle: Oracle, findings: Findings) -> Non
 def _check(sentence: str, outcome: Outcome, oracle: Oracle, component: Component | None, findings: Findings) -> None:
     for name, (pattern, check) in CLAIMS.items():
         if match := re.search(pattern, sentence, re.DOTALL):
-            findings.check(f"true: {name}", check(Saying(match, outcome, oracle, component)), sentence)
+            try:
+                findings.check(f"true: {name}", check(Saying(match, outcome, oracle, component)), sentence)
+            except TooLarge:
+                findings.unchecked[name] += 1
             return
     findings.check(f"a sentence that cannot be checked: {_shape(sentence)}", False, sentence)
+
+
+def is_true(sentence: str, what: str, outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """One sentence from elsewhere; `what` says where."""
+    own = Findings()
+    _check(sentence, outcome, oracle, None, own)
+    findings.held.update({f"{what}, {kind}": count for kind, count in own.held.items()})
+    findings.failures += [replace(failure, kind=f"{what}, {failure.kind}") for failure in own.failures]
+    findings.unchecked.update(own.unchecked)
 
 
 def _shape(sentence: str) -> str:
@@ -139,6 +151,17 @@ def _not_determined(saying: Saying) -> bool:
     return False
 
 
+def _stands_alone(saying: Saying) -> bool:
+    """No row ties the pose to another one of its robot, and whatever is seen from it is open or weak from there."""
+    for key in _keys_called(saying, saying["base"]):
+        tables = [t.select((t.keys == key).any(1)) for t in saying.oracle.tables]
+        others = [int(k) for k in spoken_of(tables) if k not in (key, WORLD)]
+        own = [k for k in others if robot_of(k) == robot_of(key)]
+        if not own and all(weak(saying.oracle, key, other) for other in others):
+            return True
+    return False
+
+
 def _world_open(saying: Saying) -> bool:
     """Turning the whole map about costs nothing, or little."""
     oracle = saying.oracle
@@ -191,7 +214,8 @@ CLAIMS: dict[str, tuple[str, Check]] = {
         _nothing_fits,
     ),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other (?P<other>[^ ]+?)\. ", _costs),
-    "not determined": (r"SolveError: (?P<what>.+) is not determined by", _not_determined),
+    "not determined": (r"^(SolveError: )?(?P<what>.+) is not determined by", _not_determined),
+    "stands alone": (r"^(SolveError: )?(?P<base>.+) stands alone: no odometry leads to it or from it", _stands_alone),
     "the world is open": (r"the map's orientation in the world is not determined", _world_open),
     "no odometry links": (r"no odometry links (?P<what>.+) to (?P<base>.+); cut the log", _no_link),
     "nothing measured": (r"there is nothing to join", _nothing_measured),

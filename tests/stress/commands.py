@@ -29,7 +29,11 @@ def check_command(outcome: Outcome, findings: Findings) -> None:
         folder = Path(name)
         ts.write(outcome.file.before, folder / "log", format="plain")
         arguments = ["run", str(folder / "log"), "--out", str(folder / "map"), "--no-figures"]
-        code, said = _called([*arguments, *OPTIONS[outcome.method]])
+        try:
+            code, said = _called([*arguments, *OPTIONS[outcome.method]])
+        except Exception as error:
+            findings.check(f"a command ends in a traceback: {type(error).__name__}", False, error)
+            return
         if outcome.error is not None:
             expected = PARTLY if isinstance(outcome.error, SolveError) else BAD_INPUT
             findings.check("a command that fails says so in its code", code == expected, f"{code}: {said}")

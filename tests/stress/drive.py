@@ -9,7 +9,7 @@ import numpy as np
 
 import teamslam as ts
 from teamslam.config import Config, JoinOptions, SplitOptions
-from teamslam.joining import Component, Joined, exact_join
+from teamslam.joining import Component, Joined, accounted, exact_join
 from teamslam.model import Dataset, Dropped
 from teamslam.pipeline import Result
 
@@ -126,6 +126,5 @@ def through_file(log: Dataset, format: str) -> tuple[Dataset, tuple[Dropped, ...
 
 def _by_functions(log: Dataset, config: Config) -> Joined:
     pieces = ts.split(log)
-    if config.join.exact:
-        return exact_join(pieces)
-    return ts.join([ts.build(piece) for piece in pieces])
+    joined = exact_join(pieces) if config.join.exact else ts.join([ts.build(piece) for piece in pieces])
+    return accounted(log, joined)  # joins know submaps alone; this function knows what else the log holds

@@ -14,10 +14,11 @@ class Failure:
 
 @dataclass
 class Findings:
-    """What the checks of one log came to: statements by kind that held, and failures."""
+    """What the checks of one log came to: statements by kind that held, failures, and what nobody could check."""
 
     held: Counter[str] = field(default_factory=Counter)
     failures: list[Failure] = field(default_factory=list)
+    unchecked: Counter[str] = field(default_factory=Counter)
 
     def check(self, what: str, holds: bool, detail: object = "") -> bool:
         """One statement: counted where it holds, a failure of kind `what` where it does not."""

@@ -16,7 +16,12 @@ from teamslam.geometry import Array, IntArray, Pose
 from teamslam.model import Dataset, Kind, Table, Values, is_landmark, is_pose, robot_of
 
 STEP = 1e-6
+DENSE = 1000  # unknowns: of more nobody makes a dense matrix here
 OPEN = 1e-11  # of the largest: squares of singular values below are none. Differences are good to 1e-9
+
+
+class TooLarge(Exception):
+    """A log with more unknowns than a dense matrix is made of."""
 
 
 def centred(tables: Sequence[Table], values: Values) -> tuple[list[Table], Values]:
@@ -146,6 +151,8 @@ class Oracle:
     @cached_property
     def _decomposed(self) -> tuple[Array, Array]:
         """The open directions (dof, k), and a root S (dof, m) of the covariance of the rest: S S' = pinv(J'J)."""
+        if self.truth.layout.dof > DENSE:
+            raise TooLarge
         plain = jacobian(self.tables, self.truth)
         squares, directions = np.linalg.eigh(plain.T @ plain)
         loose = squares <= OPEN * max(float(squares.max(initial=0.0)), 1.0)

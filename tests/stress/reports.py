@@ -8,6 +8,7 @@ import numpy as np
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.maps import cost_at, everything, rows_of, step_from
+from stress.oracle import DENSE
 from teamslam.joining import Component
 from teamslam.model import Table
 from teamslam.results.folder import known
@@ -37,6 +38,7 @@ def check_reports(outcome: Outcome, findings: Findings, *, fair: bool) -> None:
     findings.check("the verdict is one of five", fit["verdict"] in LEVELS, fit["verdict"])
     if fair:
         findings.check("honest noise is no misfit", not fit["gross"], fit["sentence"])
+        findings.check("an innocent log is accused of nothing", not fit["causes"], fit["causes"])
 
 
 def _is_json(report: object) -> bool:
@@ -51,7 +53,7 @@ def _exactness(component: Component, rows: list[Table], findings: Findings) -> N
     submap, stated = component.map, component.exactness
     values = everything(submap)
     assert stated is not None
-    if not submap.dof:
+    if not 0 < submap.dof <= DENSE:
         return
     cost, ahead = cost_at(rows, values), step_from(submap, rows)
     hidden = 1e-7 * np.sqrt(cost) + 1e-4

@@ -3,13 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from stress.account import check_account
 from stress.claims import check_sentences
 from stress.commands import check_command
 from stress.drive import DRIVES, Outcome, drive_of, go
 from stress.failure import Findings
 from stress.files import check_files, is_same
 from stress.maps import check_maps
+from stress.near import check_near
 from stress.oracle import Oracle
+from stress.real import DRIVEN, Find, Variation, vary
 from stress.reports import check_reports
 from stress.scenario import Scenario, draw
 from stress.whole import check_whole
@@ -24,7 +27,7 @@ Rows = dict[tuple[int, str], set[int]]
 class Verdict:
     """What became of one seed's log."""
 
-    scenario: Scenario
+    scenario: Scenario | Variation
     drive: str
     outcome: Outcome
     findings: Findings
@@ -45,11 +48,30 @@ def judge_log(scenario: Scenario, log: Dataset, drive: str) -> Verdict:
     check_files(outcome, findings)
     check_whole(outcome, findings)
     check_sentences(outcome, oracle, findings)
+    check_account(outcome, oracle, findings)
     check_maps(outcome, findings, fair=fair)
     check_reports(outcome, findings, fair=fair)
     if DRIVES[drive].by_command and outcome.written is None:
         check_command(outcome, findings)
     return Verdict(scenario, drive, outcome, findings)
+
+
+def judge_real(seed: int, find: Find, *, name: str | None = None, drive: str | None = None) -> Verdict:
+    """The verdict on a seed's variation of a published log."""
+    variation, log, drawn = vary(seed, find, name)
+    drive = drive or drawn
+    outcome, findings = go(log, DRIVEN[drive]), Findings()
+    check_files(outcome, findings)
+    check_whole(outcome, findings)
+    oracle = Oracle(outcome.log)
+    check_sentences(outcome, oracle, findings)
+    check_account(outcome, oracle, findings)
+    check_maps(outcome, findings, fair=False)
+    check_near(outcome, findings)
+    check_reports(outcome, findings, fair=False)
+    if DRIVEN[drive].by_command and outcome.written is None:
+        check_command(outcome, findings)
+    return Verdict(variation, drive, outcome, findings)
 
 
 def is_fair(scenario: Scenario) -> bool:
@@ -63,6 +85,7 @@ def is_fair(scenario: Scenario) -> bool:
 
 def smallest(verdict: Verdict, kind: str) -> tuple[Dataset, Verdict]:
     """A part of a log that fails in the same way, and of which no robot, half or row can be left out any more."""
+    assert isinstance(verdict.scenario, Scenario)
     log = log_of(verdict.scenario)
     rows = rows_in(log)
     best = verdict

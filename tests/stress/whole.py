@@ -24,9 +24,8 @@ def check_whole(outcome: Outcome, findings: Findings) -> None:
         findings.check(f"every {what} comes out", not lost, ", ".join(map(names.describe, lost[:3])))
     made_up = set(found) - set(spoken.tolist())
     findings.check("nothing comes out that did not go in", not made_up, sorted(made_up)[:3])
-    silent = [
-        r for r in outcome.log.robots if not any(robot_of(k) == r for k in found) and r not in _robots_left(outcome)
-    ]
+    told = set(_robots_left(outcome)) | _robots_remarked(outcome)
+    silent = [r for r in outcome.log.robots if not any(robot_of(k) == r for k in found) and r not in told]
     findings.check("every robot comes out", not silent, ", ".join(map(names.robot, silent)))
     _rows(outcome, findings)
 
@@ -59,3 +58,11 @@ def rows_left_out(outcome: Outcome) -> set[tuple[int, str, int]]:
 
 def _robots_left(outcome: Outcome) -> list[int]:
     return sorted({int(robot_of(np.int64(k))) for k in left_out(outcome)})
+
+
+def _robots_remarked(outcome: Outcome) -> set[int]:
+    """Robots that no row speaks of, and that a remark says so of."""
+    assert outcome.joined is not None
+    names, said = outcome.log.names, "\n".join(outcome.joined.remarks)
+    silent = set(outcome.log.robots) - set(robot_of(spoken_of(outcome.log.tables)).tolist())
+    return {r for r in silent if f"robot {names.robot(r)} measured nothing, and nobody saw it" in said}

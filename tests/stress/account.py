@@ -1,0 +1,127 @@
+"""What a map says of what is not in it, and of what is in it though something is to be known: each reason is true."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from stress.claims import is_true, weak
+from stress.drive import Outcome
+from stress.failure import Findings
+from stress.oracle import Oracle, TooLarge, spoken_of
+from teamslam.geometry import Array
+from teamslam.model import Dataset, LeftOut, Table, is_pose, robot_of
+
+IN_LINE = 0.2  # of their spread along it: places so near a line that ranges from them may leave the side open
+LITTLE = 0.1  # [sigmas]: a submap that stopped farther from its optimum is not to be used
+
+
+def check_account(outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """All entries of `left_out`, and all remarks."""
+    if outcome.joined is None:
+        return
+    for lost in outcome.joined.left_out:
+        rows = list(_rows_of(lost, outcome.log))
+        findings.check("left out: as many rows as are counted", sum(map(len, rows)) == lost.count, lost)
+        try:
+            _KINDS[lost.kind](lost, rows, outcome, oracle, findings)
+        except TooLarge:
+            findings.unchecked[f"left out: {lost.kind}"] += 1
+    for remark in outcome.joined.remarks:
+        _remark(remark, outcome, findings)
+
+
+def _rows_of(lost: LeftOut, log: Dataset) -> list[Table]:
+    tables = []
+    for table in log.tables:
+        keep = np.zeros(len(table), bool)
+        for s in lost.rows:
+            if (s.robot, s.source) == (table.robot, table.source):
+                keep |= (table.ids >= s.start) & (table.ids < s.stop)
+        tables += [table.select(keep)] if keep.any() else []
+    return tables
+
+
+def _piece(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """The reason is what `build` said of these rows."""
+    alone = replace(outcome.log, tables=tuple(rows))
+    is_true(lost.reason, "left out: a piece", replace(outcome, log=alone), Oracle(alone), findings)
+
+
+def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """Nobody in a map saw it; or whoever did leaves it open, or on either side."""
+    (key,) = (int(k) for k in lost.keys)
+    seers = [int(k) for k in spoken_of(rows) if is_pose(int(k))]
+    mapped = {int(k) for c in outcome.components for k in c.map.keys}
+    what = "left out: a landmark that its rows leave open"
+    if "went with what is left out" in lost.reason:
+        findings.check("left out: a landmark whose rows went elsewhere", not rows, lost)
+    elif "no pose that saw it is in a map" in lost.reason:
+        findings.check("left out: a landmark that no mapped pose saw", mapped.isdisjoint(seers), lost)
+    elif not seers:  # surveyed alone
+        findings.check(what, weak_alone(oracle, key), lost.reason)
+    else:
+        open_ = all(weak(oracle, seer, key) for seer in seers) or _in_line(oracle, seers, rows)
+        findings.check(what, open_, f"{lost.what}: {lost.reason}")
+
+
+def weak_alone(oracle: Oracle, key: int) -> bool:
+    """Whether a landmark's own place in the world is open."""
+    unknowns = oracle.truth.layout.unknowns(np.array([key]))
+    relation: Array = np.zeros((len(unknowns), oracle.truth.layout.dof))
+    relation[np.arange(len(unknowns)), unknowns] = 1.0
+    return oracle.freedom(relation) > 0
+
+
+def _in_line(oracle: Oracle, seers: list[int], rows: list[Table]) -> bool:
+    """Ranges, or rows with a loss that forgives, from places nearly in a line (a plane in space): two sides fit."""
+    if any(t.model not in ("range", "bearing") for t in rows):
+        return False
+    places = oracle.truth.positions(np.array(seers), 3)
+    spread = np.linalg.svd(places - places.mean(0), compute_uv=False)
+    flat = 2 if not (oracle.truth.layout.kinds % 2).any() else 3
+    return len(places) < flat + 1 or bool(spread[flat - 1] <= IN_LINE * max(spread[0], 1e-9))
+
+
+def _poses(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """Seen from every pose beside it, each is open or weak, or no row speaks of it together with what is mapped."""
+    mapped = {int(k) for c in outcome.components for k in c.map.keys}
+    for key in lost.keys.tolist():
+        tables = [t.select((t.keys == key).any(1)) for t in outcome.log.tables]
+        around = [int(k) for k in spoken_of(tables) if k != key and int(k) in mapped]
+        open_ = all(weak(oracle, *_observer(one, key)) for one in around)
+        findings.check("left out: poses that rows leave open", open_, f"{lost.what}: {lost.reason}")
+
+
+def _observer(one: int, key: int) -> tuple[int, int]:
+    """Who sees whom: frames are poses."""
+    return (one, key) if is_pose(one) else (key, one)
+
+
+def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
+    """None of them speaks of one map's variables alone."""
+    held = [set(c.map.keys.tolist()) for c in outcome.components]
+    inside = [row for t in rows for row in t.keys.tolist() if any(set(row) <= keys for keys in held)]
+    findings.check("left out: rows that no one map could hold", not inside, f"{lost.what}: {len(inside)} rows")
+
+
+_KINDS: dict[str, Callable[[LeftOut, list[Table], Outcome, Oracle, Findings], None]] = {
+    "piece": _piece,
+    "landmark": _landmark,
+    "poses": _poses,
+    "rows": _loose_rows,
+}
+
+
+def _remark(remark: str, outcome: Outcome, findings: Findings) -> None:
+    log = outcome.log
+    if match := re.fullmatch(r"robot (.+) measured nothing, and nobody saw it: it is in no map", remark, re.DOTALL):
+        spoken = spoken_of(log.tables)
+        robots = [r for r in log.robots if log.names.robot(r) == match[1]]
+        silent = any(not (robot_of(spoken) == r).any() for r in robots)
+        findings.check("remark: a robot that no row speaks of", silent, remark)
+    elif match := re.fullmatch(r"submap (.+) stopped (\S+) sigma from its optimum, and is used as it is", remark):
+        findings.check("remark: a submap that is nearly at its optimum", float(match[2]) <= LITTLE, remark)
+    else:
+        findings.check("a remark that cannot be checked", False, remark)
