@@ -19,14 +19,14 @@ from perishing import join_with_an_end, piece_after_a_death, piece_of, piece_of_
 from teamslam.errors import InputError, ModelError, SolveError
 from teamslam.geometry import Array
 from teamslam.joining import Joined, build, join, split
-from teamslam.model import Dataset, Table, Values, is_pose, robot_of
+from teamslam.model import WORLD, Dataset, Table, Values, is_pose, robot_of
 from teamslam.pipeline import run
 from teamslam.scale import Cluster, Processes, TreeMap, gather, join_in_tree
 from teamslam.scale.sharing import Sharing, by_sharing
 from teamslam.scale.tree import Part, settled
 from teamslam.solver import Covariances, Options
 from teamslam.wire.pieces import write_pieces
-from worlds import WORLDS, team
+from worlds import WORLDS, measure, team
 
 
 class Here:
@@ -175,6 +175,22 @@ def test_trajectories_a_file_a_robot(tmp_path: Path) -> None:
 
 
 # --- on from where it stopped -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_a_tree_in_the_world_s_frame(every: int, tmp_path: Path) -> None:
+    """Also where the first groups hold one position each, and where several are in that frame before they meet."""
+    log = team("2d", robots=2, poses=16, sigma=0.01, sigma_odometry=0.01)
+    rng = np.random.default_rng(3)
+    fixes = [
+        measure(robot, "gps", "position", 2, keys[1::every, None], 0.01, log.truth, rng)
+        for robot, keys in log.pose_keys.items()
+    ]
+    tree, joined = both(log.with_tables([*log.tables, *fixes]), tmp_path, fan=2, poses_per_piece=4)
+    assert tree.joined.map.base == joined.map.base == WORLD
+    assert set(tree.values().layout.keys) == set(joined.map.values.layout.keys)
+    assert shifts(tree.values(), joined).max() < 1.0
+    assert shifts(gather(tree).map.values, joined).max() < 1e-5
 
 
 def test_what_is_finished_is_not_made_again(tmp_path: Path) -> None:

@@ -74,8 +74,7 @@ COMMANDS: dict[str, tuple[list[str], str]] = {
 }
 
 BARE = ("join", "in pieces, one by one", "in pieces, by a tree")  # a join that does not go on in rounds
-DIES = ("the world's frame", "in pieces, one by one")  # of its first piece, which one position leaves free to turn
-CALLS = [(situation, command) for situation in SITUATIONS for command in COMMANDS if (situation, command) != DIES]
+CALLS = [(situation, command) for situation in SITUATIONS for command in COMMANDS]
 
 
 @cache

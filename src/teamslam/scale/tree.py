@@ -30,7 +30,7 @@ from teamslam.geometry import IntArray
 from teamslam.io.files.whole import whole_file
 from teamslam.io.submaps.arrays import SUFFIX, read_submap, write_submap
 from teamslam.joining import Component, Interior, Joined, build, condense, join
-from teamslam.model import WORLD, Dataset, Submap
+from teamslam.model import Dataset, Submap
 from teamslam.scale.cluster import Crew, Processes, Workers, crew
 from teamslam.scale.sharing import Sharing, by_sharing
 from teamslam.scale.treemap import Barren, TreeMap, read_values, write_values
@@ -206,10 +206,10 @@ def _condensed_leaf(task: tuple[str, Path, IntArray, Path]) -> Part:
 
 
 def _to_keep(submap: Submap, shared: IntArray) -> IntArray:
-    """What stays of a submap: what others share, what its raw measurements name, the world's frame; never nothing."""
+    """What stays of a submap: what others share, what its raw measurements name; never nothing."""
     keys = submap.values.layout.keys
     raw = [table.keys.ravel() for table in submap.raw]
-    keep = keys[np.isin(keys, np.concatenate([shared, *raw])) | (keys == WORLD)]
+    keep = keys[np.isin(keys, np.concatenate([shared, *raw]))]
     return keep if len(keep) else keys[-1:]
 
 
@@ -301,8 +301,7 @@ def _downwards(
     level: list[tuple[Part, Path, int]] = []
     for number, (part, component) in enumerate(zip(parts, joined.components, strict=True)):
         file = folder / "estimates" / f"{_digest(part.name)}.npz"
-        # The frame of the world is no variable.
-        write_values(component.map.values if component.map.base == WORLD else component.map.all_values, file)
+        write_values(component.map.all_values, file)
         found[number].append(file)
         level += [(below, file, number) for below in part.below]
     depth = 1

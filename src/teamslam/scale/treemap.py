@@ -49,7 +49,8 @@ class TreeMap:
 
     def values(self, component: int = 0, *, robot: int | None = None) -> Values:
         """The estimate of all variables of a component, its frame among them; or of one robot's poses alone."""
-        return _together([_of_robot(read_values(file), robot) for file in self.estimates[component]])
+        every = _together([_of_robot(read_values(file), robot) for file in self.estimates[component]])
+        return every.select(every.layout.keys != WORLD)  # the frame of the world is no variable
 
     def landmarks(self, component: int = 0) -> Values:
         """The estimate of a component's landmarks."""

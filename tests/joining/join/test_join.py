@@ -368,6 +368,32 @@ def test_one_position_in_the_world_leaves_the_map_free_to_turn() -> None:
         join(submaps_of(dataset.with_tables([*dataset.tables, fix])))
 
 
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("order", ORDERS)
+def test_every_order_gives_one_map_in_the_world_s_frame(world: str, order: str, every: int) -> None:
+    """Also where the first parts hold one position each, which leaves them free to turn; and where several parts are
+    in the world's frame before they meet. To second order; how much that is depends on how well five positions nearly
+    in a line hold a part in space."""
+    from worlds import measure
+
+    difference = []
+    for sigma in (0.01, 0.005):
+        log = team(world, robots=2, sigma=sigma, sigma_odometry=sigma)
+        assert log.truth is not None
+        rng, dim = np.random.default_rng(3), max(log.robots.values())
+        fixes = [
+            measure(robot, "gps", "position", dim, keys[1::every, None], sigma, log.truth, rng)
+            for robot, keys in log.pose_keys.items()
+        ]
+        submaps = submaps_of(log.with_tables([*log.tables, *fixes]), 5)
+        joined, reference = ORDERS[order](submaps, options=TIGHT).map, join(submaps, options=TIGHT).map
+        assert joined.base == reference.base == -1
+        assert joined.rows == reference.rows and joined.sources == reference.sources
+        difference.append(float(np.abs(joined.values.minus(reference.values)).max()))
+    assert difference[1] <= 0.45 * difference[0] or difference[0] < 1e-12
+
+
 def test_arrival_order_waits_for_what_connects() -> None:
     """Robots 1 and 3 meet only through robot 2: joined in the order 1, 3, 2, the first two wait apart."""
     dataset = without_robots(team("planar", robots=3, landmarks=9, poses=20))

@@ -2,6 +2,7 @@
 
 Positions and poses in the world (GPS, survey) fix the gauge themselves. The start is moved there by one rigid fit over
 them; with too few of them (one in the plane, fewer than three in space) the map is free to turn, which is refused.
+Where one of the maps that are joined is written in the world's frame already, that frame is held, and all go there.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import IntArray, align, lift_points
-from teamslam.model import Submap, Table, Values
+from teamslam.model import WORLD, Submap, Table, Values
 
 
 def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values, IntArray]:
@@ -18,6 +19,8 @@ def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values
 
     Raises SolveError where the measured positions leave the map free to turn.
     """
+    if start.layout.contains(WORLD):
+        return start.transform(start.pose(WORLD).inverse()), np.array([WORLD])
     absolute = [t for t in tables if t.row.unary]
     if not absolute:
         return start, np.array([root.base])

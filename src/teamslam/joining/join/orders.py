@@ -2,11 +2,13 @@
 
 A joined map is a submap again, so every order is a way of calling `join`. Each level linearises once more, so orders
 agree to second order in the noise, not to the last digit (the exact join removes that difference); what is not yet
-connected waits as a component of its own until something connects it.
+connected waits as a component of its own until something connects it, and what is not yet determined (a map with one
+position in the world, which is free to turn about it) until something determines it.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 
+from teamslam.errors import SolveError
 from teamslam.joining.join.join import Joined, in_order, join
 from teamslam.model import Submap
 from teamslam.solver import Options
@@ -16,11 +18,9 @@ from teamslam.solver.optimise import DEFAULTS
 def join_sequentially(submaps: Iterable[Submap], *, options: Options = DEFAULTS) -> Joined:
     """One submap after another, in the order given: the order of arrival. Raises as `join` does."""
     parts: list[Submap] = []
-    joined: Joined | None = None
     for submap in submaps:
-        joined = join([*parts, submap], options=options)
-        parts = [component.map for component in joined.components]
-    return joined if joined is not None else join([], options=options)
+        parts = [*_so_far(parts, options), submap]
+    return join(parts, options=options)
 
 
 def join_by_tree(submaps: Iterable[Submap], *, options: Options = DEFAULTS) -> Joined:
@@ -34,7 +34,17 @@ def _merge(submaps: Sequence[Submap], options: Options) -> list[Submap]:
         return list(submaps)
     middle = len(submaps) // 2
     halves = (_merge(submaps[:middle], options), _merge(submaps[middle:], options))
-    return [component.map for half in halves for component in join(half, options=options).components]
+    return [part for half in halves for part in _so_far(half, options)]
+
+
+def _so_far(submaps: Sequence[Submap], options: Options) -> list[Submap]:
+    """The maps of what is there so far; the submaps as they are where these alone determine no map."""
+    if not submaps:
+        return []
+    try:
+        return [component.map for component in join(submaps, options=options).components]
+    except SolveError:
+        return list(submaps)
 
 
 ORDERS: dict[str, Callable[..., Joined]] = {
