@@ -14,7 +14,7 @@ from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import IntArray
 from teamslam.joining.build.build import ROUGH, build_choices
 from teamslam.joining.build.split import split
-from teamslam.joining.exact.alone import excess
+from teamslam.joining.exact.alone import excess_alone, excess_together
 from teamslam.joining.exact.basins import lowest
 from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
@@ -54,7 +54,8 @@ def full(
     found = lowest(
         alternatives,
         lambda submaps: _from(dataset, join(submaps, options=rough), options, progress),
-        partial(excess, dataset.tables),
+        partial(excess_alone, dataset.tables),
+        partial(excess_together, dataset.tables),
     )
     return accounted(dataset, found, unbuilt)
 

@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from teamslam.errors import SolveError
 from teamslam.geometry import Array
 from teamslam.joining.build.build import build_choices
-from teamslam.joining.exact.alone import excess
+from teamslam.joining.exact.alone import excess_alone, excess_together
 from teamslam.joining.exact.basins import lowest
 from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of, raw_cost
 from teamslam.joining.exact.robot import Part, Reduced, parts_of
@@ -73,7 +73,8 @@ def exact_join(
         )
         return Joined(tuple(components), first.reasons)
 
-    return lowest(choices, solve, partial(excess, [table for piece in pieces for table in piece.tables]))
+    tables = [table for piece in pieces for table in piece.tables]
+    return lowest(choices, solve, partial(excess_alone, tables), partial(excess_together, tables))
 
 
 def _rounds(
