@@ -1,6 +1,7 @@
 """DRIVES: a log through teamslam by one of its faces, to an outcome: a map with what was said, or a sentence alone."""
 
 import warnings
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,8 +10,9 @@ import numpy as np
 
 import teamslam as ts
 from teamslam.config import Config, JoinOptions, SplitOptions
-from teamslam.joining import Component, Joined, accounted, exact_join
-from teamslam.model import Dataset, Dropped
+from teamslam.errors import SolveError
+from teamslam.joining import Component, Joined, Unbuilt, accounted, build_choices, exact_join
+from teamslam.model import Dataset, Dropped, Submap
 from teamslam.pipeline import Result
 
 FORMATS = ("plain", "g2o", "jrl", "pyfg")
@@ -48,15 +50,24 @@ class File:
     dropped: tuple[Dropped, ...]
 
 
+class Threads:
+    """Workers that are a thread of this process: there at once, and their warnings are errors too."""
+
+    def open(self) -> Executor:
+        """An executor for their tasks."""
+        return ThreadPoolExecutor(1)
+
+
 @dataclass(frozen=True)
 class Drive:
-    """One way to map a log: with which options, whether by the functions instead of `run`, by which file first, and
-    whether the command line does the same."""
+    """One way to map a log: with which options, whether by the functions instead of `run`, by which file first,
+    whether the command line does the same, and whether a tree of workers joins."""
 
     config: Config = field(default_factory=Config)
     by_functions: bool = False
     format: str = ""
     by_command: bool = False
+    on_workers: bool = False
 
     @property
     def method(self) -> str:
@@ -75,13 +86,14 @@ DRIVES: dict[str, Drive] = {
     "heading": Drive(Config(split=SplitOptions(heading_sigma=0.05))),
     "sequential": Drive(Config(join=JoinOptions(order="sequential"))),
     "tree": Drive(Config(join=JoinOptions(order="tree"))),
+    "workers": Drive(Config(split=PIECES), on_workers=True),
     "functions": Drive(by_functions=True),
     "exact functions": Drive(EXACT, by_functions=True),
     **{name: Drive(format=name) for name in FORMATS},
     "command": Drive(format="plain", by_command=True),
     "exact command": Drive(EXACT, format="plain", by_command=True),
 }
-WEIGHTS = {"join": 4.0, "full": 4.0, "exact": 4.0, "pieces": 2.0, "plain": 2.0}
+WEIGHTS = {"join": 4.0, "full": 4.0, "exact": 4.0, "pieces": 2.0, "plain": 2.0, "tree": 0.5, "workers": 0.5}
 
 
 def drive_of(seed: int) -> str:
@@ -110,7 +122,7 @@ def go(log: Dataset, drive: Drive) -> Outcome:
 def _mapped(outcome: Outcome, drive: Drive) -> Outcome:
     if drive.by_functions:
         return replace(outcome, joined=_by_functions(outcome.log, drive.config))
-    result = ts.run(outcome.log, drive.config)
+    result = ts.run(outcome.log, drive.config, workers=Threads() if drive.on_workers else None)
     return replace(outcome, result=result, joined=result.joined)
 
 
@@ -125,6 +137,15 @@ def through_file(log: Dataset, format: str) -> tuple[Dataset, tuple[Dropped, ...
 
 
 def _by_functions(log: Dataset, config: Config) -> Joined:
-    pieces = ts.split(log)
-    joined = exact_join(pieces) if config.join.exact else ts.join([ts.build(piece) for piece in pieces])
-    return accounted(log, joined)  # joins know submaps alone; this function knows what else the log holds
+    built: list[tuple[Dataset, list[Submap]]] = []
+    unbuilt = []
+    for piece in ts.split(log):
+        try:
+            built.append((piece, build_choices(piece) if config.join.exact else [ts.build(piece)]))
+        except SolveError as error:
+            unbuilt.append(Unbuilt(piece, str(error)))
+    if unbuilt and not built:
+        raise SolveError(unbuilt[0].reason)
+    pieces, choices = [piece for piece, _ in built], [submaps for _, submaps in built]
+    joined = exact_join(pieces, choices=choices) if config.join.exact else ts.join([first for first, *_ in choices])
+    return accounted(log, joined, unbuilt)  # joins know submaps alone; this function knows what else the log holds

@@ -16,8 +16,9 @@ from stress.world import log_of
 from teamslam.model import LOSSES as KNOWN_LOSSES
 from teamslam.model import MODELS
 
-FEWEST = 3  # times that each kind is drawn at least
+FEWEST = 1  # times that each kind is drawn at least
 BEYOND = 8.0  # sigmas: no honest noise
+HARMLESS = {"shuffled", "odd names", "empty table", "backward", "gaps", "double rows", "big stamps"}
 
 
 @pytest.fixture(scope="module")
@@ -65,11 +66,12 @@ def test_outliers_of_every_share(scenarios: list[Scenario]) -> None:
     """By the rows themselves: those that no honest noise explains, in tenths of all sightings."""
     shares: Counter[int] = Counter()
     for scenario in scenarios:
-        if scenario.faults not in (("few outliers",), ("many outliers",)):
+        wrong = {"few outliers", "many outliers"} & set(scenario.faults)
+        if not wrong or set(scenario.faults) - wrong - HARMLESS or scenario.noise not in ("fine", "tiny", "coarse"):
             continue
         log = log_of(scenario)
         seen = [t for t in log.tables if t.source in ("landmarks", "robots")]
-        if sum(map(len, seen)) < 10 or scenario.noise not in ("fine", "tiny"):
+        if sum(map(len, seen)) < 10:
             continue
         wild = np.concatenate([np.linalg.norm(t.whitened(log.truth), axis=-1) > BEYOND for t in seen])
         shares[int(10 * wild.mean())] += 1
