@@ -88,8 +88,7 @@ def main() -> None:
 def ours(log: Path, out: Path) -> list[Row]:
     """teamslam's stages."""
     from teamslam.config import Config
-    from teamslam.results import Record
-    from teamslam.results.folder import draw_record, write_record
+    from teamslam.results import Record, draw_record, write_record
 
     stages = Stages("teamslam")
     dataset = stages("read", lambda: ts.read(log))
