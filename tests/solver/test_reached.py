@@ -16,7 +16,7 @@ from teamslam.errors import SolveError, TeamslamError
 from teamslam.geometry import Pose
 from teamslam.joining import build_with_solution
 from teamslam.model import LOSSES, Dataset, Kind, Loss, Names, Table, Values, landmark_key, pack, pose_key
-from teamslam.solver import Options, Solution, Status, System, optimise
+from teamslam.solver import Covariances, Options, Solution, Status, System, optimise
 from worlds import WORLDS, team
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
@@ -252,3 +252,24 @@ def test_pieces_that_once_failed(case: str, cost: float | None) -> None:
     assert np.isfinite(submap.values.state).all()
     if cost is not None:
         assert solution.cost == pytest.approx(cost, rel=1e-5)
+
+
+def test_what_curvature_alone_holds_has_no_small_variance() -> None:
+    """Ranges too short from sensors at one height: the landmark rests at that height, though nothing measures it."""
+    poses, mark = pose_key(1, np.arange(4)), landmark_key(np.arange(1))
+    corners = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]])
+    way = Pose(np.tile(np.eye(3), (4, 1, 1)), corners)
+    short = np.linalg.norm(corners - [1.0, 2.0, 0.0], axis=1)[:, None] - 0.3
+    links = np.stack([poses, np.repeat(mark, 4)], -1)
+    table = Table(1, "ranges", "range", 3, links, short, np.full((1, 1, 1), 10.0), np.arange(4))
+    start = Values.of({Kind.POSE3: (poses, way), Kind.POINT3: (mark, np.array([[1.2, 2.1, 0.001]]))})
+    solution = optimise(System(start.layout, tables=[table], fixed=poses), start)
+    assert solution.converged
+    assert abs(float(solution.values.positions(mark, 3)[0, 2])) < 1e-9
+    free = start.layout.select(start.layout.keys == mark[0])
+    try:
+        (covariance,) = Covariances(free, solution.hessian).all
+    except SolveError as problem:
+        assert problem.key == mark[0]
+    else:
+        assert covariance[2, 2] > 1e15 and covariance[0, 0] < 0.01 and covariance[1, 1] < 0.01

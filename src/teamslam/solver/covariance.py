@@ -1,6 +1,11 @@
 """Covariances of an estimate, read from its information matrix: of one variable, of several, of one seen from another.
 
 All are in the chart of `geometry.pose`: of a pose [dT, dw], dT in the map's frame [m^2], dw in the pose's own [rad^2].
+
+They are of the information J'W'WJ. An optimum may be held in some direction by how residuals bend alone, such as the
+height of a landmark that is ranged too short from sensors at its own height. To first order nothing is measured there:
+a pivot of zero is an error that names the variable, and one that rounding made is a variance beyond all sense, never a
+small one.
 """
 
 from collections.abc import Callable
