@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from teamslam.geometry import Array, Pose
-from teamslam.model import Dataset, Table, pack
+from teamslam.model import Dataset, Table, Values, is_pose, pack
 from teamslam.model.sensors import pose_of
 
 Fault = Callable[[Table], Table]
@@ -92,15 +92,15 @@ def inverted(table: Table) -> Table:
     return _poses(table, lambda p: p.inverse())
 
 
-def late(steps: int) -> Fault:
+def late(dataset: Dataset, steps: int) -> Fault:
     """A clock that is behind: what was seen at one pose is said of one some steps later."""
 
     def fault(table: Table) -> Table:
-        poses = np.unique(table.keys[:, 0])
-        place = np.searchsorted(poses, table.keys[:, 0])
-        kept = place + steps < len(poses)
+        chain = dataset.pose_keys[table.robot]
+        place = np.searchsorted(chain, table.keys[:, 0]) + steps
+        kept = (place >= 0) & (place < len(chain))
         keys = table.keys.copy()
-        keys[kept, 0] = poses[place[kept] + steps]
+        keys[kept, 0] = chain[place[kept]]
         return replace(table, keys=keys).select(kept)
 
     return fault
@@ -111,11 +111,53 @@ def surer(factor: float) -> Fault:
     return lambda table: replace(table, whitening=table.whitening * factor)
 
 
-def moved_landmark(mark: int, by: Array, *, share: float = 0.5) -> Fault:
-    """From a share of the rows on, a landmark stands elsewhere (as the sightings' own frame sees it: for points)."""
+def swapped(table: Table) -> Table:
+    """x and y exchanged in positions; of poses, in their places."""
+    order, signs = ((1, 0), (1, 1)) if table.dim == 2 else ((1, 0, 2), (1, 1, 1))
+    return axes(order, signs)(table)
+
+
+def mirrored(table: Table) -> Table:
+    """All seen and done in a mirror: left is right."""
+    if table.model != "relative_pose":
+        return negated_angle(table)
+    order = tuple(range(table.dim))
+    return negated_angle(axes(order, tuple(-1 if k == 1 else 1 for k in order))(table))
+
+
+def clock_ahead(dataset: Dataset, robot: int, ticks: int) -> Dataset:
+    """One robot's stamps are so much larger than the moments were; sightings of poses that are not there are lost.
+
+    All begins ten seconds later than it did, so that no stamp is below zero.
+    """
+    start = 10_000_000
+    poses = {who: keys + start + ticks * (who == robot) for who, keys in dataset.pose_keys.items()}
+    known = np.concatenate(list(poses.values()))
 
     def fault(table: Table) -> Table:
-        hit = (table.keys[:, -1] == mark) & (np.arange(len(table)) >= share * len(table))
-        return replace(table, values=table.values + hit[:, None] * by)
+        later = start + ticks * (table.robot == robot)  # a robot names all poses by its own clock
+        keys = np.where(is_pose(table.keys), table.keys + later, table.keys)
+        there = ~is_pose(keys) | np.isin(keys, known)
+        return replace(table, keys=keys).select(there.all(1))
 
-    return fault
+    return replace(dataset.with_tables(map(fault, dataset.tables)), truth=None)
+
+
+def landmark_moved(dataset: Dataset, mark: int, by: Array, robots: tuple[int, ...], *, after: float = 0.0) -> Dataset:
+    """Some robots see a landmark elsewhere, from a share of their way on: points, by the truth of a simulation."""
+    truth = dataset.truth
+    assert truth is not None
+    one = truth.only(np.array([mark]))
+    there = truth.update(Values(one.layout, one.state + by))
+
+    def fault(table: Table) -> Table:
+        chain = dataset.pose_keys[table.robot]
+        late = table.keys[:, 0] >= chain[int(after * (len(chain) - 1))]
+        hit = (table.keys[:, -1] == mark) & late
+        if table.source != "landmarks" or table.robot not in robots or not hit.any():
+            return table
+        seen, values = table.select(hit), table.values.copy()
+        values[hit] += seen.row.minus(seen.predict(there), seen.predict(truth), table.dim)
+        return replace(table, values=values)
+
+    return dataset.with_tables(map(fault, dataset.tables))

@@ -33,7 +33,7 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options, each_side_by_side
-from teamslam.trust import Verdict, verdict
+from teamslam.trust import Verdict, explained, verdict
 from teamslam.wire.pieces import write_pieces
 
 T = TypeVar("T")
@@ -88,6 +88,28 @@ def run(
         refuse_workers(config)
     clock = Clock(progress)
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
+    try:
+        pieces, submaps, joined = _solved(log, config, workers, work, clock)
+    except SolveError as error:
+        raise explained(error, log) from None
+    at = [AtMap(log.tables, component.map) for component in joined.components]
+    if config.method == "join":
+        clock.start("exactness")
+        joined = with_exactness(joined, pairs(pieces, submaps), at)
+    clock.start("verdict on the fit")
+    judged = verdict(log, joined, at)
+    costs = tuple(part.cost for part in judged.parts) or tuple(cost_of(c.map, log.tables) for c in joined.components)
+    clock.start("covariances")
+    covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
+    clock.start("score")
+    scores = scores_of(joined, covariances, dataset.truth)
+    return Result(config, dataset, submaps, joined, covariances, costs, judged, scores, clock.stop())
+
+
+def _solved(
+    log: Dataset, config: Config, workers: Workers | None, work: Path | None, clock: "Clock"
+) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
+    """The map, and what it was joined of: nothing for full least squares."""
     submaps: tuple[Submap, ...] = ()
     pieces: list[Dataset] = []
     if config.method == "full":
@@ -107,18 +129,7 @@ def run(
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
         joined = _with_books(log, joined, built, [r for r in remarks if r])
-    at = [AtMap(log.tables, component.map) for component in joined.components]
-    if config.method == "join":
-        clock.start("exactness")
-        joined = with_exactness(joined, pairs(pieces, submaps), at)
-    clock.start("verdict on the fit")
-    judged = verdict(log, joined, at)
-    costs = tuple(part.cost for part in judged.parts) or tuple(cost_of(c.map, log.tables) for c in joined.components)
-    clock.start("covariances")
-    covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
-    clock.start("score")
-    scores = scores_of(joined, covariances, dataset.truth)
-    return Result(config, dataset, submaps, joined, covariances, costs, judged, scores, clock.stop())
+    return pieces, submaps, joined
 
 
 def refuse_workers(config: Config) -> None:

@@ -107,7 +107,8 @@ class Factor:
             key = int(self.layout.keys[problem.variable])
             raise SolveError(
                 f"{self.names.describe(key)} is not determined by the measurements: the information matrix has no "
-                f"positive pivot there; look for what observes it (too few sightings, or a part that nothing connects)",
+                f"positive pivot there; look for what observes it, which may be too little, or numbers that contradict "
+                f"each other (`teamslam info` looks for such)",
                 key=key,
             ) from None
 

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "landmark")
+"""The kinds of causes that are mistakes in a log; others ('sigma', 'outliers') are noise that was stated wrongly."""
+
 
 @dataclass(frozen=True)
 class Cause:
@@ -12,3 +15,14 @@ class Cause:
     sentence: str
     explains: float
     robots: tuple[int, ...] = ()
+
+    @property
+    def is_mistake(self) -> bool:
+        """Whether the log is wrong, and not only its noise."""
+        return self.kind in MISTAKES
+
+
+def rows_called(source: str) -> str:
+    """What the rows of a source are."""
+    known = {"landmarks": "sightings of landmarks", "robots": "sightings of robots", "odometry": "steps of odometry"}
+    return known.get(source, f"rows of {source}")

@@ -6,10 +6,10 @@
     misfit    it plainly does not fit: the map is not to be trusted
     unknown   nobody can say: no measurement to spare, or no rows at hand
 
-A misfit is one of three things, none of which an honest log with poor sigmas comes near: the cost is more than GROSS
-times what is expected (residuals three times as large as stated, on the whole); of some sensor of a robot more than
-half of the rows are farther off than one in a thousand should be; or a cause was found, which is a mistake in the log
-and not in its sigmas. What a join's own approximation adds to the cost is never held against the log.
+A misfit is one of three things: the cost is more than GROSS times what is expected (residuals three times as large as
+stated, on the whole); so large are those of half the rows of some sensor of a robot, though a robust loss may forgive
+them one by one; or a mistake in the log was found (see `causes`).
+What a join's own approximation adds to the cost is never held against the log.
 """
 
 from collections.abc import Sequence
@@ -20,12 +20,14 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap, Joined
-from teamslam.model import Dataset, Names, chi2_quantile
+from teamslam.model import Dataset, Names, chi2_quantile, robot_of
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
+from teamslam.trust.causes.noise import noise_causes
+from teamslam.trust.causes.search import mistakes_in, mistakes_of_robots
 from teamslam.trust.noise import Noise, noise_of
 from teamslam.trust.residuals import Residuals, Rows, residuals_at
-from teamslam.trust.tally import PROBABILITY, kind_of, whole
+from teamslam.trust.tally import kind_of, whole
 
 GROSS = 9.0
 NEAR = 0.1  # a difference of the cost that is of no matter, however sure it is
@@ -41,7 +43,8 @@ class Verdict:
     right; `chi2` counts outliers in full, `dof` is numbers measured - unknowns; `decrease` is what a step to full least
     squares would still take off, a join's own part of the cost. `sensors` are all parts by robot, source and model;
     `carriers` what carries the excess, the most first: sensors, landmarks, stretches of time. `parts` are the residuals
-    by component. `reason` says why nothing is known, where that is so.
+    by component. `causes` are what it looks like, among them mistakes in the logs of robots that are in no map, which
+    are not held against it. `reason` says why nothing is known, where that is so.
     """
 
     level: str
@@ -86,7 +89,14 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
     dof = sum(int(row.numbers.sum()) for row in rows) - sum(part.unknowns for part in parts)
     if dof < 1:
         return unknown("every number measured was needed to make the map, and none is left to check it")
-    return _judged(parts, rows, dof, dataset.names)
+    return _judged(dataset, joined, parts, rows, dof)
+
+
+def explained(error: SolveError, log: Dataset) -> SolveError:
+    """The error that a log cannot be solved with what it looks like, where a robot's log contradicts itself."""
+    found = mistakes_of_robots(log, log.robots)
+    looks = "".join(f"\nThe log looks like this: {cause.sentence}" for cause in found)
+    return SolveError(f"{error}{looks}", key=error.key) if found else error
 
 
 def unknown(reason: str) -> Verdict:
@@ -95,12 +105,20 @@ def unknown(reason: str) -> Verdict:
     return Verdict("unknown", none, none, (none, none), none, 0, 0.0, reason=reason)
 
 
-def _judged(parts: tuple[Residuals, ...], rows: Sequence[Rows], dof: int, names: Names) -> Verdict:
-    total = whole(rows)
+def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows: Sequence[Rows], dof: int) -> Verdict:
+    total, names, noise = whole(rows), dataset.names, noise_of(rows)
     cost, expected = float(total.cost[0]), float(total.expected[0])
     low, high = (float(end[0]) for end in total.band)
     decrease = min(sum(part.decrease for part in parts), max(cost - expected, 0.0))
-    level = "misfit" if refused(rows) else _level(cost - decrease, expected, (low, high))
+    causes = mistakes_in(dataset, joined, parts)
+    lost = {int(robot) for out in joined.left_out for robot in robot_of(out.keys) if robot > 0}
+    told = {robot for cause in causes for robot in cause.robots}
+    of_lost = mistakes_of_robots(dataset, lost - told)
+    in_map = any(not lost.issuperset(cause.robots) for cause in causes)
+    level = "misfit" if in_map or refused(rows) else _level(cost - decrease, expected, (low, high))
+    poor = level in ("strained", "misfit")
+    if poor and not causes:
+        causes = noise_causes(noise, rows, max(cost - decrease - expected, 1.0), names)
     return Verdict(
         level=level,
         cost=cost,
@@ -110,8 +128,9 @@ def _judged(parts: tuple[Residuals, ...], rows: Sequence[Rows], dof: int, names:
         dof=dof,
         decrease=decrease,
         sensors=tuple(sensor_shares(rows, names)),
-        carriers=tuple(carriers(rows, names)) if level in ("strained", "misfit") else (),
-        noise=tuple(noise_of(rows)),
+        carriers=tuple(carriers(rows, names)) if poor else (),
+        noise=tuple(noise),
+        causes=(*causes, *of_lost),
         parts=parts,
         names=names,
     )
@@ -126,11 +145,10 @@ def _level(cost: float, expected: float, band: tuple[float, float]) -> str:
 
 
 def refused(rows: Sequence[Rows]) -> list[tuple[int, str, str]]:
-    """The sensors (robot, source, model) of which more than half of the rows are farther off than one in a thousand
-    should be."""
+    """The sensors (robot, source, model) of which half of the rows are three times as far off as stated, or farther."""
     found = []
     for kind, group in groupby(sorted(rows, key=kind_of), kind_of):
-        far = np.concatenate([r.squared > chi2_quantile(PROBABILITY, r.numbers) for r in group])
-        if len(far) >= FEWEST and np.mean(far) > 0.5:
+        off = np.concatenate([r.squared / chi2_quantile(0.5, np.maximum(r.numbers, 1)) for r in group])
+        if len(off) >= FEWEST and np.median(off) > GROSS:
             found.append(kind)
     return found

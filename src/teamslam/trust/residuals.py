@@ -49,8 +49,7 @@ class Rows:
     @cached_property
     def numbers(self) -> IntArray:
         """How many numbers each row measures (m,): a row of zeros in its whitening measures nothing."""
-        ranks = np.any(self.table.whitening != 0.0, -1).sum(-1)
-        return np.asarray(np.broadcast_to(ranks, len(self)))
+        return self.table.ranks
 
     @cached_property
     def squared(self) -> Array:
@@ -179,8 +178,8 @@ def unwhitening(table: Table) -> Array | None:
     where these are the same."""
     if not np.any(table.whitening - table.whitening * np.eye(table.whitening.shape[-1])):
         return None
-    singular = (np.abs(np.linalg.det(table.whitening)) == 0.0).any()
-    back = np.linalg.pinv(table.whitening) if singular else np.linalg.inv(table.whitening)
+    whole = bool((table.ranks == table.whitening.shape[-1]).all())
+    back = np.linalg.inv(table.whitening) if whole else np.linalg.pinv(table.whitening)
     sigma = np.sqrt(np.sum(back**2, -1, keepdims=True))
     return np.asarray(back / np.where(sigma > 0.0, sigma, 1.0))
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from teamslam.trust.cause import rows_called
 from teamslam.trust.fit import Verdict
 
 MANY = 0.02  # of a sensor's rows: outliers that are worth a word
@@ -35,12 +36,6 @@ def _outliers(found: Verdict) -> Iterator[str]:
     for n in sorted(many, key=lambda n: -n.outliers)[:MOST]:
         who = found.names.robot(n.robot)
         yield f"; {n.outliers:.0%} of robot {who}'s {rows_called(n.source)} are outliers in {n.part}"
-
-
-def rows_called(source: str) -> str:
-    """What the rows of a source are."""
-    known = {"landmarks": "sightings of landmarks", "robots": "sightings of robots", "odometry": "steps of odometry"}
-    return known.get(source, f"rows of {source}")
 
 
 def _number(value: float) -> str:

@@ -1,0 +1,1 @@
+"""What a misfit looks like: mistakes that people make in logs, each tried on the data itself."""

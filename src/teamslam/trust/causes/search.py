@@ -1,0 +1,147 @@
+"""The search for what a misfit looks like.
+
+    each robot by itself      slips in its odometry or its sightings, its clock              `alone`
+    the robots together       slips in sightings of robots, whole robots, robots' clocks     `between`
+    landmarks                 in two places                                                  `places`
+
+Each later step looks at what the ones before leave; a mistake of a table bends the map so much that what it says of
+landmarks means nothing, so these are looked at where nothing else was found. Nothing is looked for where no sensor and
+no landmark costs notably too much.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from teamslam.errors import TeamslamError
+from teamslam.joining import Joined
+from teamslam.model import Dataset
+from teamslam.trust.cause import Cause, rows_called
+from teamslam.trust.causes.alone import FITS, SURE, Found, Mistake, mistake_of
+from teamslam.trust.causes.between import mistakes_between
+from teamslam.trust.causes.places import two_places
+from teamslam.trust.causes.stretches import busiest
+from teamslam.trust.causes.trial import Trial
+from teamslam.trust.residuals import Residuals, Rows
+from teamslam.trust.tally import Tally, by_landmark, by_robot, by_sensor
+
+MOST_ROBOTS = 8  # that are looked at one by one, the worst first
+BAD_SENSOR, BAD_LANDMARK = 2.0, 3.0  # times the expected cost, from which a mistake is looked for
+EXCESS = 50.0  # of cost, that must go with it
+UNCERTAIN = 0.3  # of the cost of a row, by what is not known of its leverage
+
+
+def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals]) -> list[Cause]:
+    """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map."""
+    rows = [row for part in parts for row in part.rows]
+    found = mistakes_of_tables(log, rows) if _bad(by_sensor(rows)[0], BAD_SENSOR) else []
+    if found or not _bad(by_landmark(rows), BAD_LANDMARK):
+        return found
+    both = zip(joined.components, parts, strict=True)
+    return [cause for component, part in both for cause in two_places(log, component.map, part.rows)]
+
+
+def _bad(tally: Tally, ratio: float) -> bool:
+    """Whether any group costs notably too much, whatever its leverage: of that some is uncertain."""
+    surely = tally.cost > ratio * (np.maximum(tally.expected, 0.0) + UNCERTAIN * tally.rows)
+    return bool((tally.high & surely & (tally.excess > EXCESS)).any())
+
+
+def mistakes_of_tables(log: Dataset, rows: Sequence[Rows]) -> list[Cause]:
+    """The mistakes in tables, whole robots and clocks: each robot by itself, then what is left between them."""
+    order = _worst_first(log, rows)
+    alone = [found for robot in order[:MOST_ROBOTS] if (found := mistake_of(log, robot)) is not None]
+    alone = _decided(log, rows, alone)
+    between = mistakes_between(_mended(busiest(log, rows), alone), order) if len(log.robots) > 1 else []
+    return [*_in_words(alone, log), *_in_words(between, log)]
+
+
+def _mended(log: Dataset, found: Sequence[Found], choice: int = 0) -> Dataset:
+    """A log without the mistakes found, of each with several ways to see it the one of a number, as far as it has so
+    many; what cannot be mended here stays."""
+    for each in found:
+        with suppress(TeamslamError):
+            log = each.alternatives[min(choice, len(each.alternatives) - 1)].mend(log)
+    return log
+
+
+def mistakes_of_robots(log: Dataset, robots: Iterable[int]) -> list[Cause]:
+    """The mistakes of some robots, each by itself: of robots that no map is known of."""
+    robots = sorted(robots)[:MOST_ROBOTS]
+    return list(_in_words([found for robot in robots if (found := mistake_of(log, robot)) is not None], log))
+
+
+def _worst_first(log: Dataset, rows: Sequence[Rows]) -> list[int]:
+    tally = by_robot(rows)
+    excess = dict(zip(tally.labels.tolist(), tally.excess.tolist(), strict=True))
+    return sorted(log.robots, key=lambda robot: -excess.get(robot, 0.0))
+
+
+def _decided(log: Dataset, rows: Sequence[Rows], alone: list[Found]) -> list[Found]:
+    """Mistakes of which the team knows which one it is, where a robot by itself cannot: eyes or wheels."""
+    open_ones = [found for found in alone if len(found.alternatives) > 1]
+    if not open_ones or len(log.robots) < 2:
+        return alone
+    stretch, most = Trial.of(busiest(log, rows)).log, min(len(found.alternatives) for found in open_ones)
+    tried = [Trial(_mended(stretch, alone, choice)) for choice in range(most)]
+    least = min(
+        trial.cost - 2.0 * sum(_unit(found, choice) for found in open_ones) for choice, trial in enumerate(tried)
+    )
+    good = [
+        choice
+        for choice, trial in enumerate(tried)
+        if trial.cost - 2.0 * sum(_unit(found, choice) for found in open_ones) - least < SURE
+    ]
+    if min(tried[choice].ratio for choice in good) > FITS:
+        return alone
+    return [_only(found, good) if found in open_ones else found for found in alone]
+
+
+def _unit(found: Found, choice: int) -> float:
+    return found.alternatives[choice].unit
+
+
+def _only(found: Found, choices: Sequence[int]) -> Found:
+    return Found(tuple(found.alternatives[n] for n in choices), found.before, found.after, found.expected)
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+
+def _in_words(found: Sequence[Found], log: Dataset) -> Iterator[Cause]:
+    """A sentence for each mistake, of all robots that make it."""
+    alike: dict[tuple[object, ...], list[Found]] = {}
+    for each in found:
+        alike.setdefault(tuple(m.key for m in each.alternatives), []).append(each)
+    for same in alike.values():
+        robots = tuple(sorted({robot for each in same for robot in each.alternatives[0].robots}))
+        ways = range(len(same[0].alternatives))
+        said = [_said([each.alternatives[way] for each in same], log) for way in ways]
+        worst = max(same, key=lambda each: each.before)
+        before = f"{worst.before:,.0f}" if worst.before < 1e15 else "more than can be solved"
+        sums = f"a stretch that costs {before} costs {worst.after:,.0f} without that ({worst.expected:,.0f} expected)"
+        kind = same[0].alternatives[0].kind
+        yield Cause(kind, f"{', or '.join(said)}; {sums}", min(each.explains for each in same), robots)
+
+
+def _said(same: Sequence[Mistake], log: Dataset) -> str:
+    """One mistake of some robots; of several amounts, from the least to the most."""
+    who = _robots(sorted({robot for mistake in same for robot in mistake.robots}), log)
+    amounts = sorted({f"{abs(m.amount) * log.names.tick_s:.2g}" for m in same}, key=float)
+    unit = "poses" if log.names.counts else "s"
+    between = f"{amounts[0]} {unit}" if len(amounts) == 1 else f"{amounts[0]} to {amounts[-1]} {unit}"
+    return f"{who}{_what(same[0])}: {same[0].looks.format(between)}"
+
+
+def _robots(robots: Sequence[int], log: Dataset) -> str:
+    if len(robots) > 1 and set(robots) == set(log.robots):
+        return "all robots"
+    words = [log.names.robot(robot) for robot in robots]
+    return f"robot {words[0]}" if len(words) == 1 else f"robots {', '.join(words[:-1])} and {words[-1]}"
+
+
+def _what(mistake: Mistake) -> str:
+    if not mistake.source:
+        return ""
+    return ", " + {"odometry": "odometry", "sightings": "sightings"}.get(mistake.source, rows_called(mistake.source))
