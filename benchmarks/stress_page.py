@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from stress.known import KNOWN as KNOWN_FAILURES
@@ -17,11 +18,13 @@ PAGE = """# Logs that nobody tuned for
 {count:,} random logs, each made from a seed: a world (plane, planar robots among points in space, space, robots of both
 kinds), one to eight robots with ways of their own (circles, straight drives, turns on the spot, standing still, half
 turns, jumps), sensors of every model under every loss, noise from a micron to a hundred metres, and what goes wrong
-with logs. Each goes through teamslam by one of its faces, with default settings, and **ends with a map, or with a
-sentence that is true**. What is said is checked by an oracle that knows no submaps, starts or joins: ranks and sigmas
-of the stacked Jacobian of the log's own rows at the truth, costs and gradients by differences, counts of what went in
-and came out. A sentence that no check knows is a failure of its own. The generator, the oracle and the checks are in
-`tests/stress`; the suite runs {suite}.
+with logs. Each goes through teamslam by one of its faces, with default settings, and is to **end with a map, or with a
+sentence that is true**; how many do is counted here. What is said is checked by an oracle that knows no submaps, starts
+or joins: ranks and sigmas of the stacked Jacobian of the log's own rows at the truth, costs and gradients by
+differences, counts of what went in and came out. A sentence that no check knows is a failure of its own. The generator,
+the oracle and the checks are in `tests/stress`.
+
+{suite}
 
 {ended}
 
@@ -127,9 +130,9 @@ def write(path: Path, small: Sequence[Row], middle: Sequence[Row], real: Sequenc
 def _suite() -> str:
     """What the suite runs, and what of it is known to fail."""
     known = sum(size == "small" for size, _ in KNOWN_FAILURES), sum(size == "middle" for size, _ in KNOWN_FAILURES)
-    return (
-        f"{SMALL:,} small and {MIDDLE} middle logs of other seeds, of which {known[0]} and {known[1]} are listed with "
-        f"what is known to fail of them (`tests/stress/known.py`)"
+    return _wrapped(
+        f"The suite runs {SMALL:,} small and {MIDDLE} middle logs of other seeds, of which {known[0]} and "
+        f"{known[1]} are listed with what is known to fail of them (`tests/stress/known.py`)."
     )
 
 
@@ -140,7 +143,11 @@ def _ended(rows: Sequence[Row]) -> str:
     statements = (
         f"{held:,} statements held; {sum(len(row['failures']) for row in rows):,} did not, in {len(failed)} logs"
     )
-    return f"{_ends(rows)}. **{good:,} of {len(rows):,} logs hold in all points.** {statements}."
+    return _wrapped(f"{_ends(rows)}. **{good:,} of {len(rows):,} logs hold in all points.** {statements}.")
+
+
+def _wrapped(text: str) -> str:
+    return fill(text, 120, break_long_words=False, break_on_hyphens=False)
 
 
 def _held(rows: Sequence[Row]) -> str:
