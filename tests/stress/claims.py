@@ -187,8 +187,7 @@ def _nothing_measured(saying: Saying) -> bool:
 def _costs(saying: Saying) -> bool:
     """The map's cost is the one named, and the other is not lower."""
     assert saying.component is not None
-    mine, other = float(saying["mine"]), float(saying["other"])
-    return np.isclose(mine, saying.component.map.cost, rtol=1e-5) and other >= mine * (1.0 - 1e-5)
+    return np.isclose(float(saying["mine"]), saying.component.map.cost, rtol=1e-5) and float(saying["more"]) >= 0.0
 
 
 def _converged(saying: Saying) -> bool:
@@ -205,15 +204,19 @@ WHO = r"the submaps of robot (?P<robot>.+?) from (?P<base>.+?) on"
 CLAIMS: dict[str, tuple[str, Check]] = {
     "shares nothing": (WHO + r" share nothing with the map", _shares_nothing),
     "can still turn": (WHO + r" share only (?P<things>.+) with the map and can still turn", _can_turn),
-    "ranges leave it open": (
-        WHO + r" are tied to the map by (?P<count>\d+) ranges? .* leave (?P<open>\d+) dir",
+    "rows leave it open": (
+        WHO + r" are tied to the map by .*, which leave (?P<open>\d+) directions? of their frame open",
         _can_turn,
     ),
-    "no frame fits the ranges": (
-        WHO + r" are tied to the map by (?P<count>\d+) ranges? .* no frame fits",
+    "held but loosely": (
+        WHO + r" are tied to the map by .*, which at these sigmas hold their frame but loosely",
+        _can_turn,
+    ),
+    "no frame fits": (
+        WHO + r" are tied to the map by .*, but no frame fits",
         _nothing_fits,
     ),
-    "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other (?P<other>[^ ]+?)\. ", _costs),
+    "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other about (?P<more>[^ ]+?) more\. ", _costs),
     "not determined": (r"^(SolveError: )?(?P<what>.+) is not determined by", _not_determined),
     "stands alone": (r"^(SolveError: )?(?P<base>.+) stands alone: no odometry leads to it or from it", _stands_alone),
     "the world is open": (r"the map's orientation in the world is not determined", _world_open),

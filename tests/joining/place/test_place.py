@@ -145,7 +145,7 @@ def test_freedom_is_the_nullity_of_the_twists(dim: int, places: list[list[float]
     """mathematics, 2: in the plane one landmark leaves 1; in space one leaves 3, two or any number in line leave 1."""
     points = np.array(places)
     shared = outline(list(range(len(points))), points)
-    assert freedom(shared, dim) == free
+    assert freedom(shared, dim == 2) == free
     assert link(shared, shared, dim == 2).holds == (free == 0)
 
 
@@ -165,7 +165,7 @@ def test_a_triangle_of_bars_has_two_assemblies(rng: np.random.Generator) -> None
     """The true one, and its mirror image: the same sides, the other sense of rotation."""
     corners = np.array([[0.0, 0.0], [4.0, 0.0], [1.0, 3.0]]) + rng.uniform(-0.8, 0.8, (3, 2))
     bodies, frames = triangle(rng, corners)
-    found = assemblies(bodies, 2)
+    found = assemblies(bodies, [True] * 3)
     assert len(found) == 2
     true = frames[0].between(frames)
     assert min(max(float(np.abs(f[b].minus(true[b])).max()) for b in range(3)) for f in found) < 1e-5
@@ -185,14 +185,14 @@ def test_a_triangle_of_bars_has_two_assemblies(rng: np.random.Generator) -> None
 
 def test_a_triangle_whose_corners_are_in_line_can_move() -> None:
     bodies, _ = triangle(np.random.default_rng(0), np.array([[0.0, 0.0], [1.0, 1.0], [3.0, 3.0]]))
-    assert assemblies(bodies, 2) == []
+    assert assemblies(bodies, [True] * 3) == []
 
 
 def test_bars_that_do_not_meet_are_no_truss() -> None:
     """Sides of 1, 1 and 5 make no triangle."""
     ends = [[0.0, 0.0], [1.0, 0.0]]
     bodies = [outline([a, b], side * np.array(ends)) for a, b, side in ((0, 1, 1.0), (1, 2, 1.0), (0, 2, 5.0))]
-    assert assemblies(bodies, 2) == []
+    assert assemblies(bodies, [True] * 3) == []
 
 
 def truss(world: str, sigma: float, per_pair: int, seed: int = 0) -> Dataset:

@@ -85,7 +85,7 @@ def _full(
         chi2=solution.chi2,
         rows=solution.rows,
     )
-    return Component(full_map, solution, component.members, ambiguities=component.ambiguities)
+    return Component(full_map, solution, component.members, dearer=component.dearer)
 
 
 def _solved(

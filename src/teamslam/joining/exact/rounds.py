@@ -256,7 +256,7 @@ class _Team:
             rounds=self.rounds,
             bytes=8 * self.numbers if len(self.parts) > 1 else 0,
         )
-        return Component(final, solution, component.members, exactness, component.ambiguities)
+        return Component(final, solution, component.members, exactness, component.dearer)
 
     def _everything(self) -> Values:
         """The separators' places, and all robots' interiors seen from there."""

@@ -16,10 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import ModelError
+from teamslam.geometry import Pose
 from teamslam.joining.join.double_counting import refuse_double_counting
+from teamslam.joining.join.held import held
 from teamslam.joining.join.interiors import Member, members_of
 from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, place
+from teamslam.joining.place.reasons import Held
 from teamslam.model import LeftOut, Submap
 from teamslam.solver import Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
@@ -54,14 +57,24 @@ class Exactness:
 @dataclass(frozen=True, eq=False)
 class Component:
     """Submaps that could be joined: their `map`, the solver's account (None for a submap left alone), their ids, and
-    after an exact join how exact it is. `ambiguities` names other ways to put the submaps together (a mirrored truss)
-    that cost about as much."""
+    after an exact join how exact it is. `dearer`: how much more than the map other ways to put the submaps together (a
+    mirrored truss) cost, as far as the join of the submaps tells."""
 
     map: Submap
     solution: Solution | None
     members: tuple[str, ...]
     exactness: Exactness | None = None
-    ambiguities: tuple[str, ...] = ()
+    dearer: tuple[float, ...] = ()
+
+    @property
+    def ambiguities(self) -> tuple[str, ...]:
+        """The other ways to put the submaps together, in words."""
+        return tuple(
+            f"ambiguous: {len(self.members)} submaps fit together in another way too, such as mirrored; this map costs "
+            f"{self.map.cost:.6g}, the other about {more:.2g} more. One more common landmark, or one sighting of a "
+            f"robot's pose, would decide"
+            for more in self.dearer
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +117,11 @@ def join(
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
     members = members_of(ordered)
-    placement = place([member.joined for member in members])
+
+    def judge(which: Sequence[int], bodies: Sequence[int], frames: Sequence[Pose]) -> Held:
+        return held([members[n] for n in which], bodies, frames, options)
+
+    placement = place([member.joined for member in members], judge)
     components = [_join_cluster(members, cluster, options, progress) for cluster in placement.clusters]
     return Joined(tuple(components), tuple(placement.reasons))
 
@@ -134,19 +151,11 @@ def _join_cluster(
     found = [Optimum.of(inside, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
     found.sort(key=lambda optimum: optimum.shared.cost)
     best = found[0]
-    ambiguities = tuple(_ambiguity(best, other) for other in found[1:] if _close(best, other))
-    return Component(best.map(inside[0].whole.base_dim), best.solution, ids, ambiguities=ambiguities)
+    dearer = tuple(other.shared.cost - best.shared.cost for other in found[1:] if _close(best, other))
+    return Component(best.map(inside[0].whole.base_dim), best.solution, ids, dearer=dearer)
 
 
 def _close(best: Optimum, other: Optimum) -> bool:
     """Whether another optimum cannot be ruled out, and is another one."""
     apart = np.abs(other.shared.values.minus(best.shared.values)).max() > 1e-3
     return bool(apart) and other.shared.cost - best.shared.cost < RULED_OUT
-
-
-def _ambiguity(best: Optimum, other: Optimum) -> str:
-    return (
-        f"ambiguous: {len(best.members)} submaps fit together in another way too, such as mirrored; this map costs "
-        f"{best.cost:.6g}, the other {other.cost:.6g}. One more common landmark, or one sighting of a robot's "
-        f"pose, would decide"
-    )

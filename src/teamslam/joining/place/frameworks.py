@@ -1,198 +1,243 @@
-"""Trusses: bodies that no pair of them holds, but that are rigid together.
+"""Trusses: bodies that no pair of them holds, but that are rigid together by all rows between them.
 
 Three planar maps with one common landmark for each pair are a triangle of bars and pins; two robots that heard how far
-they were from each other are bodies with rods between them. Their frames minimise
-
-    sum_k sum_b w_bk |X_b q_bk - p_k|^2  +  sum of the rods' misses^2
-
-(p_k, the place of pin k, is eliminated: the weighted mean) from many starts, since a truss may also lie mirrored:
-locally unique, two-fold in all. An assembly counts where it fits, and where no body can turn: twists xi_b (of the first
-body 0) that move all bodies' views of every pin alike and change no rod must vanish. Their information matrix, with
-lengths in units of the truss's extent, must hold every direction by HINGE at least; how many it leaves open is the
-nullity.
+they were from each other are bodies with rods between them; two that saw at what angle the other stood, bodies with
+sights. Their frames minimise the rows' losses (see `ties`) from many starts, since a truss may also lie mirrored:
+locally unique, two-fold in all. An assembly counts where it fits, and where no body can turn: twists xi_b (of the first body 0)
+that change no row must vanish. Their information matrix, with lengths in units of the truss's extent and without robust
+weights, must hold every direction by HINGE at least; how many it leaves open is the nullity. What need not be held is
+the world and landmarks that are bodies: they are eliminated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, rotations
-from teamslam.joining.place.motions import by_body, put, swept
+from teamslam.geometry import Array, IntArray, Pose, so3
 from teamslam.joining.place.outline import Outline
-from teamslam.joining.place.ranges import Ranges, Rods
 from teamslam.joining.place.robust_fit import HINGE, PLACE_SIGMA
-from teamslam.model import chi2_quantile
+from teamslam.joining.place.ties import FLAT, Tied, turned_about
+from teamslam.model import Table, chi2_quantile
 
 STARTS = 32  # for each body but the first; a triangle falls into one of its two assemblies from nearly all of them
+FEW = 16  # starts where only what is open is asked
 STEPS = 60
+FAR = 1e4  # times the reach
+STUCK = 1e9  # of the damping
+NEAR = 1e-6  # [m], [rad]: steps that are shorter lead nowhere else
 FITS = 0.9999  # the share of right assemblies that pass the test of fit
+NOTHING = 1e-7  # of the largest singular value: what differences of rows show of a direction that changes none
 
 
 @dataclass(frozen=True, eq=False)
-class _Pins:
-    """Who shares what: for each of n sightings of a pin its body, the pin's place in it and its weight; `differences`
-    (n, n) takes places to weighted differences from the pins' means."""
+class Assembly:
+    """Frames (n,) of a truss's bodies, in space, with the first one's the identity: what its rows cost there, whether
+    they fit, and how many directions it leaves open."""
 
-    bodies: int
-    body: IntArray
-    pin: IntArray
-    places: Array
-    differences: Array
-
-    @classmethod
-    def of(cls, outlines: Sequence[Outline], dim: int) -> "_Pins":
-        """What at least two of the bodies know."""
-        known, body = Outline.beside(outlines)
-        _, pin, times = np.unique(known.keys, return_inverse=True, return_counts=True)
-        rows = np.flatnonzero(times[pin] > 1)
-        body, pin = body[rows], np.unique(pin[rows], return_inverse=True)[1]
-        places = known.places[rows, :dim]
-        weights = 1.0 / (known.variances[rows] + 0.5 * PLACE_SIGMA**2)
-        same = (pin[:, None] == pin[None]) * weights
-        mean = same / same.sum(1, keepdims=True)
-        return cls(len(outlines), body, pin, places, np.sqrt(weights)[:, None] * (np.eye(len(pin)) - mean))
-
-    @property
-    def rows(self) -> int:
-        """Numbers that hold the bodies together."""
-        return int((len(self.body) - len(np.unique(self.pin))) * self.places.shape[-1])
-
-    def residual(self, frames: Pose) -> Array:
-        """(s, n d), whitened, of frames (s, bodies)."""
-        return (self.differences @ put(frames, self.body, self.places)).reshape(len(frames), -1)
-
-    def jacobian(self, frames: Pose, centres: Array, unit: float = 1.0) -> Array:
-        """Of the residuals by the bodies' twists about `centres` (s, bodies, d), lengths in `unit`."""
-        arms = put(frames, self.body, self.places) - centres[:, self.body]
-        moved = by_body(swept(arms, unit), self.body, self.bodies)
-        s, n, d, unknowns = moved.shape
-        return (self.differences @ moved.reshape(s, n, d * unknowns)).reshape(s, n * d, unknowns)
+    frames: Pose
+    cost: float
+    fits: bool
+    nullity: int
 
 
 @dataclass(frozen=True, eq=False)
-class _Truss:
+class Truss:
     """Bodies and all that holds them together."""
 
-    bodies: int
-    dim: int
-    pins: _Pins
-    rods: Rods
+    tied: Tied
+
+    @classmethod
+    def of(cls, outlines: Sequence[Outline], flat: Sequence[bool], raw: Iterable[Table] = ()) -> "Truss":
+        """The truss of some bodies; as `Tied.of`, with the rows between all of them."""
+        return cls(Tied.of(outlines, flat, raw).among(range(len(outlines))))
+
+    def assemblies(self) -> list[Assembly]:
+        """Where the rows' cost has a minimum, by cost; mirror images and other ways to put the bodies together."""
+        if not self._columns.size or not self.tied.ties:
+            return []
+        frames, costs = self._solved(self._starts(STARTS * (self.tied.given - 1)))
+        limit = chi2_quantile(FITS, max(self._rows_that_count(frames) - len(self._columns), 1))
+        found: list[Assembly] = []
+        for s in np.argsort(costs):
+            frame = frames[s]
+            if np.isfinite(costs[s]) and all(_apart(frame[: self.tied.given], f.frames) for f in found):
+                fits = bool(costs[s] <= limit)
+                found.append(Assembly(frame[: self.tied.given], float(costs[s]), fits, self._nullity(frame)))
+        return found
+
+    def may_be_rigid(self) -> bool:
+        """Whether there are rows enough, and of enough kinds, to hold all bodies."""
+        return not self.freedoms_anywhere()[0].any()
+
+    def freedoms_anywhere(self) -> IntArray:
+        """In how many directions each two of the given bodies (n, n) can move against each other at least, wherever
+        they may be."""
+        return self._freedoms(self._starts(1)) if self.tied.ties else self._untied()
+
+    def freedoms(self) -> IntArray:
+        """In how many directions each two of the given bodies (n, n) can move against each other though no row
+        changes, where they fit best."""
+        if not self.tied.ties:
+            return self._untied()
+        frames, costs = self._solved(self._starts(FEW))
+        return self._freedoms(frames[np.argmin(costs, keepdims=True)])
+
+    def _untied(self) -> IntArray:
+        each = self.tied.moves[: self.tied.given].sum(1)
+        return np.where(np.eye(len(each), dtype=bool), 0, np.maximum(each[:, None], each))
+
+    def _freedoms(self, frames: Pose) -> IntArray:
+        rows = self._rows(frames, whitened=False)[0]
+        rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=True)
+        open_ = np.zeros((len(directions) - int((sizes > NOTHING * sizes[0]).sum()), self.tied.moves.size))
+        open_[:, self._columns] = directions[len(directions) - len(open_) :]
+        twists = np.swapaxes(open_.reshape(len(open_), len(self.tied.moves), 6), 0, 1)[: self.tied.given]
+        return np.array([[np.linalg.matrix_rank(a - b, tol=1e-5) if a.size else 0 for b in twists] for a in twists])
+
+    # --- the search -------------------------------------------------------------------------------------------
 
     @property
-    def rows(self) -> int:
-        """Numbers that hold the bodies together."""
-        return self.pins.rows + self.rods.rows
+    def _columns(self) -> IntArray:
+        """The unknowns among all bodies' twists: what the first body does, is not one."""
+        moves = self.tied.moves.copy()
+        moves[0] = False
+        return np.flatnonzero(moves.ravel())
 
-    @property
-    def unknowns(self) -> int:
-        """Numbers that say where the bodies but the first are."""
-        return (self.bodies - 1) * (3 if self.dim == 2 else 6)
+    def _starts(self, s: int) -> Pose:
+        """Frames turned every way, (s, bodies), always the same, anywhere within reach."""
+        rng, n = np.random.default_rng(0), len(self.tied.moves)
+        axes = rng.standard_normal((s, n, 3)) * self.tied.moves[:, 3:]
+        axes *= np.pi * rng.random((s, n, 1)) / np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-9)
+        places = self.tied.reach * rng.standard_normal((s, n, 3)) * self.tied.moves[:, :3]
+        axes[:, 0], places[:, 0] = 0.0, 0.0
+        return Pose(so3.exp(axes), places)
 
-    def residual(self, frames: Pose) -> Array:
-        """(s, rows), whitened."""
-        return np.concatenate([self.pins.residual(frames), self.rods.residual(frames)], 1)
+    def _solved(self, frames: Pose) -> tuple[Pose, Array]:
+        """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,)."""
+        rotation, translation = frames.rotation.copy(), frames.translation.copy()
+        damping, going = np.full(len(frames), 1e-3), np.arange(len(frames))
+        for _ in range(STEPS):
+            here = Pose(rotation[going], translation[going])
+            hessian, gradient, cost, whiteners = self._normal(here)
+            scale = np.einsum("sii->si", hessian) + 1e-9
+            damped = hessian + damping[going, None, None] * scale[:, :, None] * np.eye(hessian.shape[-1])
+            step = np.zeros((len(here), self.tied.moves.size))
+            step[:, self._columns] = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+            tried = _moved(here, step.reshape(len(here), -1, 6))
+            better = self._cost(tried, whiteners) < cost
+            damping[going] = np.clip(np.where(better, damping[going] / 5.0, damping[going] * 4.0), 1e-9, STUCK)
+            rotation[going[better]], translation[going[better]] = tried.rotation[better], tried.translation[better]
+            gone = np.abs(translation[going]).max((1, 2)) > FAR * self.tied.reach
+            arrived = (np.abs(step).max(1) < NEAR) | (damping[going] >= STUCK) | gone
+            going = going[~arrived]
+            if not len(going):
+                break
+        frames = Pose(rotation, translation)
+        return frames, self._normal(frames)[2]
 
-    def jacobian(self, frames: Pose, centres: Array, unit: float = 1.0) -> Array:
-        """(s, rows, unknowns)."""
-        parts = [part.jacobian(frames, centres, unit) for part in (self.pins, self.rods)]
+    def _cost(self, frames: Pose, whiteners: Sequence[Array]) -> Array:
+        """The rows' losses (s,), whitened as said."""
+        total = np.zeros(len(frames))
+        for tie, white in zip(self.tied.ties, whiteners, strict=True):
+            squared = np.sum((white @ tie.residual(*tie.at(frames))[..., None]) ** 2, (-1, -2))
+            total += tie.table.loss.cost(squared).sum(-1)
+        return total
+
+    def _normal(self, frames: Pose) -> tuple[Array, Array, Array, list[Array]]:
+        """H (s, u, u), gradient (s, u), cost (s,) and the whiteners of the ties."""
+        u = len(self._columns)
+        hessian, gradient, cost = np.zeros((len(frames), u, u)), np.zeros((len(frames), u)), np.zeros(len(frames))
+        whiteners = []
+        for tie in self.tied.ties:
+            observer, target = tie.at(frames)
+            slopes = tie.slopes(observer, target)
+            whiteners.append(tie.whiteners(observer, target, slopes))
+            error = (whiteners[-1] @ tie.residual(observer, target)[..., None])[..., 0]
+            squared = np.sum(error**2, -1)
+            weight = np.repeat(np.sqrt(tie.table.loss.weight(squared)), error.shape[-1], -1)
+            jacobian = self._by_twists(tie.ends, target, whiteners[-1] @ slopes, frames.translation, 1.0)
+            jacobian *= weight[..., None]
+            transposed = np.swapaxes(jacobian, -1, -2)
+            hessian += transposed @ jacobian
+            gradient += (transposed @ (weight * error.reshape(len(frames), -1))[..., None])[..., 0]
+            cost += tie.table.loss.cost(squared).sum(-1)
+        return hessian, gradient, cost, whiteners
+
+    def _by_twists(self, ends: IntArray, target: Pose, slopes: Array, centres: Array, unit: float) -> Array:
+        """Slopes by place and turn (s, m, k, 6) as those by the bodies' twists about `centres` (s, n, 3): (s, m k, u);
+        lengths in `unit`."""
+        s, m, k, _ = slopes.shape
+        out = np.zeros((s, m, k, len(self.tied.moves), 6))
+        for bodies, sign in ((ends[0], -1.0), (ends[1], 1.0)):
+            arms = target.translation - centres[:, bodies]
+            swung = sign * turned_about(slopes, arms, unit)
+            out[:, np.arange(m), :, bodies] += np.moveaxis(swung, 1, 0)
+        return out.reshape(s, m * k, -1)[..., self._columns]
+
+    # --- what is held -----------------------------------------------------------------------------------------
+
+    def _rows(self, frames: Pose, *, whitened: bool) -> Array:
+        """All rows by twists about the middle of all ends (s, rows, u), lengths in units of their extent; `whitened` by
+        all that is known, or by the measurements' own information."""
+        ends = [tie.at(frames) for tie in self.tied.ties]
+        places = np.concatenate([end.translation for both in ends for end in both], 1)
+        centre = places.mean(1, keepdims=True)
+        extent = float(np.sqrt(np.mean(np.sum((places - centre) ** 2, -1))))
+        unit = extent if extent > PLACE_SIGMA else 1.0
+        centres = np.broadcast_to(centre, (len(frames), len(self.tied.moves), 3))
+        parts = []
+        for tie, (observer, target) in zip(self.tied.ties, ends, strict=True):
+            slopes = tie.slopes(observer, target)
+            white = tie.whiteners(observer, target, slopes) @ slopes if whitened else slopes
+            # All that know one thing turn about one place, though each has its own view of it.
+            parts.append(self._by_twists(tie.ends, target if tie.measured else observer, white, centres, unit))
         return np.concatenate(parts, 1)
 
-    def places(self, frames: Pose) -> Array:
-        """Where one assembly (bodies) puts pins and ends of rods: (n, d)."""
-        rods = [put(frames[None], *end)[0] for end in zip(self.rods.body, self.rods.places, strict=True)]
-        return np.concatenate([put(frames[None], self.pins.body, self.pins.places)[0], *rods])
+    def _nullity(self, frames: Pose) -> int:
+        """How many directions of the given bodies an assembly (bodies) leaves open, the others eliminated."""
+        rows = self._rows(frames[None], whitened=True)
+        hessian = rows[0].T @ rows[0]
+        mine = self._columns < 6 * self.tied.given
+        across = hessian[np.ix_(mine, ~mine)]
+        left = hessian[np.ix_(mine, mine)] - across @ np.linalg.pinv(hessian[np.ix_(~mine, ~mine)]) @ across.T
+        return int((np.linalg.eigvalsh(left) < HINGE).sum())
+
+    def _rows_that_count(self, frames: Pose) -> int:
+        """Numbers that hold the bodies together."""
+        rows = self._rows(frames[:1], whitened=True)
+        return int((np.abs(rows[0]).max(1, initial=0.0) > 1e-9).sum())
 
 
-def assemblies(outlines: Sequence[Outline], dim: int, ranges: Ranges | None = None) -> list[list[Pose]]:
+def assemblies(outlines: Sequence[Outline], flat: Sequence[bool], raw: Iterable[Table] = ()) -> list[list[Pose]]:
     """The bodies' frames in every assembly that fits and is rigid, best fit first; the first frame is the identity.
 
-    `ranges`: those between things of the bodies are rods. Empty where there is none: the bodies can move against each
-    other, or do not fit.
+    Empty where there is none: the bodies can move against each other, or do not fit.
     """
-    truss = _truss(outlines, dim, ranges)
-    if truss.rows < truss.unknowns:
+    truss = Truss.of(outlines, flat, raw)
+    if not truss.may_be_rigid():
         return []
-    frames, costs = _solved(truss, _starts(truss))
-    limit = chi2_quantile(FITS, max(truss.rows - truss.unknowns, 1))
-    found: list[Pose] = []
-    for s in np.argsort(costs):
-        candidate = frames[s]
-        if costs[s] > limit:
-            break
-        if all(np.abs(candidate.minus(other)).max() > 1e-2 for other in found) and not _nullity(truss, candidate):
-            found.append(candidate)
-    return [[assembly[b] for b in range(truss.bodies)] for assembly in found]
+    return [in_their_dimension(a.frames, flat) for a in truss.assemblies() if a.fits and not a.nullity]
 
 
-def freedom(shared: Outline, dim: int) -> int:
+def in_their_dimension(frames: Pose, flat: Sequence[bool]) -> list[Pose]:
+    """Frames (n,) in space as poses, of bodies in the plane as planar ones."""
+    dims = [2 if planar else 3 for planar in flat]
+    return [Pose(frames.rotation[n, :d, :d], frames.translation[n, :d]) for n, d in enumerate(dims)]
+
+
+def freedom(shared: Outline, planar: bool) -> int:
     """In how many directions a body that is pinned at these places can still move (its nullity): in the plane 1 at one
     landmark; in space 3 at one, 1 at several in line."""
-    if shared.oriented.any():
-        return 0
-    truss = _truss([shared, shared], dim, None)
-    return _nullity(truss, Pose.identity(dim, (2,))) if truss.rows else 3 * (dim - 1)
+    truss = Truss.of([shared, shared], [planar] * 2)
+    still = Pose.identity(3, (2,))
+    return truss._nullity(still) if truss.tied.ties else int((FLAT if planar else np.ones(6, bool)).sum())
 
 
-def left_open(outlines: Sequence[Outline], dim: int, ranges: Ranges) -> int:
-    """In how many directions bodies can still move against each other in the assembly that fits best."""
-    truss = _truss(outlines, dim, ranges)
-    frames, costs = _solved(truss, _starts(truss))
-    return _nullity(truss, frames[int(np.argmin(costs))])
+def _moved(frames: Pose, twists: Array) -> Pose:
+    return Pose(so3.exp(twists[..., 3:]) @ frames.rotation, frames.translation + twists[..., :3])
 
 
-def _truss(outlines: Sequence[Outline], dim: int, ranges: Ranges | None) -> _Truss:
-    rods = Rods.of(Ranges.of(()) if ranges is None else ranges, outlines, dim)
-    return _Truss(len(outlines), dim, _Pins.of(outlines, dim), rods)
-
-
-def _starts(truss: _Truss) -> Pose:
-    """Frames turned every way, (s, bodies), always the same; bodies with rods lie anywhere within reach too."""
-    rng = np.random.default_rng(0)
-    s = STARTS * (truss.bodies - 1)
-    group = rotations(truss.dim)
-    axes = rng.standard_normal((s, truss.bodies, group.DOF))
-    axes *= np.pi * rng.random((s, truss.bodies, 1)) / np.linalg.norm(axes, axis=-1, keepdims=True)
-    reach = float(truss.rods.lengths.max(initial=0.0))
-    places = reach * rng.standard_normal((s, truss.bodies, truss.dim))
-    axes[:, 0], places[:, 0] = 0.0, 0.0
-    return Pose(group.exp(axes), places)
-
-
-def _solved(truss: _Truss, frames: Pose) -> tuple[Pose, Array]:
-    """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,)."""
-    d, dof = truss.dim, truss.unknowns // (truss.bodies - 1)
-    damping = np.full(len(frames), 1e-3)
-    residual = truss.residual(frames)
-    cost = np.sum(residual**2, 1)
-    for _ in range(STEPS):
-        jacobian = truss.jacobian(frames, frames.translation)
-        hessian = np.swapaxes(jacobian, -1, -2) @ jacobian
-        gradient = (np.swapaxes(jacobian, -1, -2) @ residual[..., None])[..., 0]
-        scale = np.einsum("sii->si", hessian) + 1e-9
-        damped = hessian + damping[:, None, None] * scale[:, :, None] * np.eye(truss.unknowns)
-        step = -np.linalg.solve(damped, gradient[..., None])[..., 0].reshape(len(cost), -1, dof)
-        step = np.concatenate([np.zeros((len(cost), 1, dof)), step], 1)
-        turned = rotations(d).exp(step[..., d:]) @ frames.rotation
-        tried = Pose(turned, frames.translation + step[..., :d])
-        residual_tried = truss.residual(tried)
-        cost_tried = np.sum(residual_tried**2, 1)
-        better = cost_tried < cost
-        damping = np.clip(np.where(better, damping / 5.0, damping * 4.0), 1e-9, 1e9)
-        frames = Pose(
-            np.where(better[:, None, None, None], tried.rotation, frames.rotation),
-            np.where(better[:, None, None], tried.translation, frames.translation),
-        )
-        residual = np.where(better[:, None], residual_tried, residual)
-        cost = np.where(better, cost_tried, cost)
-    return frames, cost
-
-
-def _nullity(truss: _Truss, frames: Pose) -> int:
-    """How many directions an assembly (bodies) leaves open."""
-    places = truss.places(frames)
-    centre = places.mean(0)
-    extent = float(np.sqrt(np.mean(np.sum((places - centre) ** 2, -1))))
-    unit = extent if extent > PLACE_SIGMA else 1.0
-    jacobian = truss.jacobian(frames[None], np.broadcast_to(centre, (1, truss.bodies, truss.dim)), unit)[0]
-    return int((np.linalg.eigvalsh(jacobian.T @ jacobian) < HINGE).sum())
+def _apart(one: Pose, other: Pose) -> bool:
+    return bool(np.abs(one.minus(other)).max() > 1e-2)

@@ -52,9 +52,13 @@ class Outline:
         """The fields in their order."""
         return (self.keys, self.places, self.turns, self.oriented, self.variances, self.turn_variances, self.own)
 
+    def at(self, index: AnyArray) -> "Outline":
+        """The rows at a mask or index."""
+        return Outline(*(column[index] for column in self.columns))
+
     def only(self, keys: IntArray) -> "Outline":
         """The rows of some keys."""
-        return Outline(*(column[np.isin(self.keys, keys)] for column in self.columns))
+        return self.at(np.isin(self.keys, keys))
 
     def move(self, frame: Pose) -> "Outline":
         """The same things written in the frame that `frame` is written in."""
@@ -67,14 +71,16 @@ class Outline:
         return replace(self, variances=places, turn_variances=self.turn_variances + turn_variance)
 
 
-def outline_of_chain(submaps: Sequence[Submap], frames: Sequence[Pose], shared: IntArray) -> Outline:
+def outline_of_chain(
+    submaps: Sequence[Submap], frames: Sequence[Pose], shared: IntArray, *, raw: bool = True
+) -> Outline:
     """What a chain knows of the `shared` keys, in the frame of its first submap; `frames` are its submaps' bases
-    there."""
+    there. `raw`: what its raw sightings show of others, too."""
     loose: dict[int, tuple[float, float]] = {submaps[0].base: (0.0, 0.0)}
     own = np.array([submap.base for submap in submaps])
     parts = []
     for submap, frame in zip(submaps, frames, strict=True):
-        placed = _sketch(submap, np.union1d(shared, own)).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
+        placed = _sketch(submap, np.union1d(shared, own), raw).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
         bases = placed.only(own)
         for key, place, turn in zip(bases.keys, bases.variances, bases.turn_variances, strict=True):
             loose.setdefault(int(key), (float(place), float(turn)))
@@ -87,8 +93,9 @@ def known_keys(submap: Submap) -> IntArray:
     return np.concatenate([submap.keys, *(t.keys[:, 1] for t in submap.raw if not t.row.unary)])
 
 
-def _sketch(submap: Submap, wanted: IntArray) -> Outline:
-    """Of a submap's own variables the `wanted` ones, then what its raw sightings show of others."""
+def _sketch(submap: Submap, wanted: IntArray, raw: bool) -> Outline:
+    """Of a submap's own variables the `wanted` ones, then what its raw sightings show of others, if they are asked
+    for."""
     values = submap.all_values
     there = np.isin(values.layout.keys, wanted)
     keys, poses = values.layout.keys[there], values.layout.kinds[there] < 2
@@ -96,7 +103,7 @@ def _sketch(submap: Submap, wanted: IntArray) -> Outline:
     turns[poses] = values.poses_of(keys[poses], 3).rotation
     own = poses & np.isin(robot_of(keys), submap.robots)
     parts = [Outline(keys, values.positions(keys, 3), turns, poses, *_variances(submap, keys), own)]
-    for table in submap.raw:
+    for table in submap.raw if raw else ():
         if table.model not in (*WHOLE, "relative_pose"):
             continue
         whole = np.isfinite(variances(table.whitening)).all(-1)

@@ -3,32 +3,42 @@
     chains:  consecutive submaps of a robot share their boundary pose, so their frames compose
     clusters: grow from the first chain; in each round the one that is held most firmly by what it shares with the
               cluster (poses, landmarks, raw sightings of each other's robots) is attached by one robust rigid fit
-    trusses:  clusters that no pair holds by what it shares, but that are rigid together or by the ranges between their
-              robots, are assembled, in every way that fits
+    trusses:  clusters that no pair holds by what it shares, but that are rigid together by all rows between them, are
+              assembled, in every way that fits
     second look: every chain is fitted once more, to all the others of its cluster
 
-What nothing holds starts a cluster of its own: separate components, with the reason in words. One shared pose holds a
-frame; points must be two at different places in the plane, three not in line in space, else a hinge is left.
+Fits look at clusters as rigid, at what they share as points; where that is too rough to tell whether a frame is held,
+the join itself is asked (a `Judge`). What nothing holds starts a cluster of its own: separate components, with the
+reason in words. One shared pose holds a frame; points must be two at different places in the plane, three not in line
+in space, else a hinge is left.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from teamslam.geometry import IntArray, Pose
 from teamslam.joining.place.chains import chains_of
-from teamslam.joining.place.frameworks import assemblies, freedom, left_open
+from teamslam.joining.place.frameworks import Assembly, Truss, in_their_dimension
 from teamslam.joining.place.outline import Outline, known_keys, outline_of_chain
-from teamslam.joining.place.ranges import Ranges
+from teamslam.joining.place.reasons import Held, why_apart
 from teamslam.joining.place.robust_fit import Link, link
-from teamslam.model import Names, Submap, is_landmark, is_pose, robot_of
+from teamslam.joining.place.ties import MOST, Tied
+from teamslam.model import Submap, Table
 from teamslam.solver import side_by_side
 
 BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
-TRUSS = 4  # clusters in a truss at most
+TRUSS = 4  # clusters in a truss at most; and one of all that hang rigidly together, if these are not more than
+WHOLE = 8
 TRIES = 500  # sets of clusters looked at for a truss; only where very many hang loosely together are there more
+JUDGED = 3  # assemblies of a truss that the join is asked about
+
+Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Held]
+"""`judge(members, bodies, frames)`: how firmly the rows themselves hold submaps, each of some body, at their optimum
+near these frames."""
 
 
 @dataclass(frozen=True)
@@ -57,35 +67,52 @@ class _Body:
     outline: Outline
 
 
-def place(submaps: Sequence[Submap]) -> Placement:
+def place(submaps: Sequence[Submap], judge: Judge | None = None) -> Placement:
     """The frames of all submaps, by clusters. Law: with noise-free submaps every frame is exact."""
     chains = chains_of(submaps)
     if len(chains) == 1:
         return Placement([Cluster(list(chains[0][0]), chains[0][1])])
-    return _Placing(submaps, chains).placement()
+    return _Placing(submaps, chains, judge).placement()
 
 
 class _Placing:
     """The chains of one set of submaps, with what several of them know."""
 
-    def __init__(self, submaps: Sequence[Submap], chains: Sequence[tuple[list[int], list[Pose]]]) -> None:
-        self.submaps, self.chains = submaps, chains
+    def __init__(
+        self, submaps: Sequence[Submap], chains: Sequence[tuple[list[int], list[Pose]]], judge: Judge | None
+    ) -> None:
+        self.submaps, self.chains, self.judge = submaps, chains, judge
         known = [np.unique(np.concatenate([known_keys(submaps[m]) for m in members])) for members, _ in chains]
         keys, times = np.unique(np.concatenate(known), return_counts=True)
-        self.ranges = Ranges.of(t for members, _ in chains for m in members for t in submaps[m].raw)
-        shared = np.union1d(keys[times > 1], self.ranges.keys)
-        meets = [np.isin(of, shared).any() for of in known]
-
-        def outline(chain: int) -> Outline:
-            members, frames = chains[chain]
-            return outline_of_chain([submaps[m] for m in members], frames, shared) if meets[chain] else _nothing()
-
-        self.outlines = side_by_side(outline, range(len(chains)))
+        self.shared = keys[times > 1]
+        meets = [np.isin(of, self.shared).any() for of in known]
+        self.outlines = side_by_side(
+            lambda n: self._outline(n, raw=True) if meets[n] else _nothing(), range(len(chains))
+        )
         self._holders = (
             np.repeat(np.arange(len(chains)), [len(outline.keys) for outline in self.outlines]),
             np.concatenate([outline.keys for outline in self.outlines]),
         )
         self.planar = [submaps[members[0]].base_dim == 2 for members, _ in chains]
+        self._judged: dict[tuple[int, ...], Held] = {}  # by the chains of a body
+        self._loose: set[tuple[tuple[int, ...], ...]] = set()  # bodies, by their chains, that are no truss now
+
+    @cached_property
+    def raw(self) -> list[Table]:
+        """Raw measurements between chains, or in the world, evenly thinned where they are very many."""
+        tables = [t for members, _ in self.chains for m in members for t in self.submaps[m].raw]
+        across = [t.select(np.isin(t.keys[:, -1], self.shared) | t.row.unary) for t in tables]
+        return [_spread(t, len(self.chains) * MOST) for t in across if len(t)]
+
+    @cached_property
+    def bare(self) -> list[Outline]:
+        """What the chains know themselves of all that is shared, and of the ends of raw measurements."""
+        return side_by_side(lambda chain: self._outline(chain, raw=False), range(len(self.chains)))
+
+    def _outline(self, chain: int, *, raw: bool) -> Outline:
+        members, frames = self.chains[chain]
+        keys = self.shared if raw else np.concatenate([self.shared, *(t.keys.ravel() for t in self.raw)])
+        return outline_of_chain([self.submaps[m] for m in members], frames, np.unique(keys), raw=raw)
 
     def placement(self) -> Placement:
         """The assembly with the fewest clusters, with all others of it."""
@@ -128,6 +155,7 @@ class _Placing:
         )
         bodies = [_Body({s: Pose.identity(2 if self.planar[s] else 3)}, self.outlines[s]) for s in order]
         ways: list[int] = []
+        self._loose.clear()
         while True:
             bodies = self._merged(bodies)
             truss = self._truss(bodies)
@@ -168,18 +196,54 @@ class _Placing:
     def _link(self, cluster: _Body, body: _Body) -> Link:
         return link(cluster.outline, body.outline, self.planar[next(iter(body.placed))])
 
+    def _tied(self, bodies: Sequence[_Body]) -> Tied:
+        """The bodies with all rows between them."""
+        outlines = [Outline.of(*(self.bare[s].move(frame) for s, frame in body.placed.items())) for body in bodies]
+        return Tied.of(outlines, self._flat(bodies), self.raw)
+
+    def _flat(self, bodies: Sequence[_Body]) -> list[bool]:
+        return [self.planar[next(iter(body.placed))] for body in bodies]
+
     def _truss(self, bodies: list[_Body]) -> tuple[tuple[int, ...], list[list[Pose]]] | None:
         """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
-        dims = [2 if self.planar[next(iter(body.placed))] else 3 for body in bodies]
-        known = [body.outline.keys for body in bodies]
-        for places in itertools.islice(_candidates(known, self.ranges), TRIES):
-            dim = dims[places[0]]
-            if any(dims[n] != dim for n in places):
-                continue  # robots of the ground and of the air: a truss of both is not looked for
-            found = assemblies([bodies[n].outline for n in places], dim, self.ranges)
-            if found:
-                return places, found
+        if len(bodies) == 1:
+            return None
+        tied, flat = self._tied(bodies), self._flat(bodies)
+        for places in itertools.islice(_candidates(tied), TRIES):
+            truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
+            which = tuple(tuple(body.placed) for body in inside)
+            if which in self._loose or not truss.may_be_rigid():
+                continue
+            held = self._held(inside, truss.assemblies(), [flat[n] for n in places])
+            if held:
+                return places, held
+            self._loose.add(which)
         return None
+
+    def _held(self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]) -> list[list[Pose]]:
+        """The frames of the assemblies that fit and are rigid; where none is, of those that the judge says are."""
+        frames = [in_their_dimension(a.frames, flat) for a in found]
+        rigid = [f for f, a in zip(frames, found, strict=True) if a.fits and not a.nullity]
+        return rigid or self._by_judge(bodies, frames[:JUDGED])
+
+    def _by_judge(self, bodies: Sequence[_Body], assemblies: Sequence[list[Pose]]) -> list[list[Pose]]:
+        """The frames of the assemblies that the rows themselves fit and hold, refined by them."""
+        if self.judge is None:
+            return []
+        which = [m for body in bodies for s in body.placed for m in self.chains[s][0]]
+        of = [n for n, body in enumerate(bodies) for s in body.placed for _ in self.chains[s][0]]
+        judged = []
+        for frames in assemblies:
+            stand = [
+                f @ p
+                for f, body in zip(frames, bodies, strict=True)
+                for p in self._frames(list(body.placed), body.placed)
+            ]
+            judged.append((frames, self.judge(which, of, stand)))
+        if judged:
+            best = min((held for _, held in judged), key=lambda h: (not h.fits, h.looseness))
+            self._judged |= {tuple(body.placed): best for body in bodies}
+        return [frames for frames, held in judged if held.fits and held.firm]
 
     def _looked_again(self, body: _Body) -> _Body:
         """Every chain but the root fitted once more, to all the others: early links saw only part of them."""
@@ -202,20 +266,30 @@ class _Placing:
 
     def _reasons(self, bodies: Sequence[_Body]) -> list[str]:
         """Why each cluster but the first stands alone."""
-        out = []
-        for body in bodies[1:]:
+        if len(bodies) == 1:
+            return []
+        tied, out = self._tied(bodies), []
+        meets, free = tied.meetings(), _freedoms(tied)
+        for number, body in enumerate(bodies[1:], 1):
             first = next(iter(body.placed))
-            submap = self.submaps[self.chains[first][0][0]]
-            others = [other for other in bodies if other is not body]
-            heard = self.ranges.between([body.outline.keys, *(other.outline.keys for other in others)])[0, 1:]
-            if heard.any():
-                most = others[int(np.argmax(heard))]
-                loose = left_open([most.outline, body.outline], 2 if self.planar[first] else 3, self.ranges)
-                out.append(_why_not_by_ranges(submap, int(heard.max()), loose))
-                continue
-            closest = max((self._link(o, body) for o in others), key=lambda found: (found.firmness, len(found.shared)))
-            out.append(_why(submap, closest, body.outline, self.planar[first]))
+            others = [n for n in range(len(bodies)) if n != number]
+            # Nearest to being held.
+            closest = min(others, key=lambda n: (free[n, number], -meets[n, number], n))
+            told = self._judged.get(tuple(body.placed))
+            around = tied.among([closest, number, *(n for n in others if n != closest)])
+            out.append(why_apart(self.submaps[self.chains[first][0][0]], around, int(free[closest, number]), told))
         return out
+
+
+def _freedoms(tied: Tied) -> IntArray:
+    """How many directions are open between each two bodies (n, n): of few by all rows, of many two by two."""
+    n = tied.given
+    if n <= WHOLE:
+        return Truss(tied.among(range(n))).freedoms()
+    rows, out = tied.meetings(), np.full((n, n), 6)
+    for a, b in np.argwhere(np.triu(rows[:n, :n] + rows[:n, n:] @ rows[n:, :n], 1)).tolist():
+        out[a, b] = out[b, a] = Truss(tied.among([a, b])).freedoms()[0, 1]
+    return out
 
 
 def _nothing() -> Outline:
@@ -233,57 +307,28 @@ def _differ(one: dict[int, Pose], other: dict[int, Pose]) -> bool:
     return any(np.abs(one[s].minus(other[s])).max() > 1e-3 for s in one)
 
 
-def _candidates(known: Sequence[IntArray], ranges: Ranges) -> Iterator[tuple[int, ...]]:
-    """Sets of bodies that may be rigid together, small sets first: pairs with ranges, those with most of them before
-    others; three and more of which each shares something with two others or has ranges to one."""
-    n = len(known)
-    heard = ranges.between(known)
-    pairs = sorted(itertools.combinations(range(n), 2), key=lambda pair: -heard[pair])
-    yield from (pair for pair in pairs if heard[pair])
-    ties = np.where(heard > 0, 2, 0)
-    for a, b in itertools.combinations(range(n), 2):
-        ties[a, b] = ties[b, a] = max(ties[a, b], int(np.isin(known[a], known[b]).any()))
-    around = np.flatnonzero(ties.sum(1) >= 2)
+def _candidates(tied: Tied) -> Iterator[tuple[int, ...]]:
+    """Sets of bodies that may be rigid together, small sets first: pairs, those with most rows before others; three and
+    more of which each is tied to two others, or to one by several rows; all that hang rigidly on one of them."""
+    n = tied.given
+    rows = tied.meetings()
+    # The world and landmarks that are bodies tie those that they meet.
+    by_others = rows[:n, n:] @ rows[n:, :n]
+    ties = rows[:n, :n] + np.where(by_others > 0, 1.0, 0.0)
+    np.fill_diagonal(ties, 0.0)
+    pairs = sorted(itertools.combinations(range(n), 2), key=lambda pair: -ties[pair])
+    yield from (pair for pair in pairs if ties[pair])
+    around = np.flatnonzero(np.minimum(ties, 2).sum(1) >= 2)
     for size in range(3, TRUSS + 1):
         for places in itertools.combinations(around.tolist(), size):
-            if (ties[np.ix_(places, places)].sum(1) >= 2).all():
+            if (np.minimum(ties[np.ix_(places, places)], 2).sum(1) >= 2).all():
                 yield places
+    for root in range(n if n > TRUSS else 0):
+        order = [root, *(b for b in range(n) if b != root)]
+        rigid = np.flatnonzero(Truss(tied.among(order)).freedoms_anywhere()[0] == 0)
+        if TRUSS < len(rigid) <= WHOLE:
+            yield tuple(sorted(order[b] for b in rigid))
 
 
-def _who(submap: Submap) -> str:
-    names: Names = submap.names
-    return f"the submaps of robot {names.robot(int(robot_of(submap.base)))} from {names.describe(submap.base)} on"
-
-
-def _why_not_by_ranges(submap: Submap, heard: int, loose: int) -> str:
-    tied = f"{_who(submap)} are tied to the map by {heard} range{'' if heard == 1 else 's'} between robots"
-    if not loose:
-        return f"{tied}, but no frame fits them; look for wrong ranges, or for odometry that is worse than it says"
-    return (
-        f"{tied}, which at these sigmas leave {loose} direction{'' if loose == 1 else 's'} of their frame open: "
-        f"under-constrained; ranges from other sides and farther apart, one more common landmark, or one sighting of a "
-        f"robot's pose, would join them"
-    )
-
-
-def _why(submap: Submap, found: Link, outline: Outline, planar: bool) -> str:
-    names, who = submap.names, _who(submap)
-    marks = found.shared[is_landmark(found.shared)]
-    if not len(found.shared):
-        return (
-            f"{who} share nothing with the map: no common landmark, and neither robot saw the other; "
-            f"{'two' if planar else 'three'} common landmarks, or one sighting of a robot's pose, would join them"
-        )
-    things = [f"landmark {names.landmark(int(k))}" for k in marks[:4]] + [
-        names.describe(int(k)) for k in found.shared[is_pose(found.shared)][:2]
-    ]
-    loose = freedom(outline.only(found.shared), 2 if planar else 3)
-    sigma = 1.0 / np.sqrt(max(found.firmness, 1e-9))
-    heading = f"known to {sigma:.2g} rad" if sigma < 1.0 else "unknown"
-    return (
-        f"{who} share only {', '.join(things)} with the map and can still turn about "
-        f"{'it' if len(found.shared) == 1 else 'them'}: under-constrained, {loose} direction"
-        f"{'' if loose == 1 else 's'} free (heading {heading}); "
-        f"{'two more common landmarks' if loose == 3 else 'one more common landmark'} elsewhere, "
-        f"or one sighting of a robot's pose, would join them"
-    )
+def _spread(table: Table, count: int) -> Table:
+    return table.select(np.unique(np.linspace(0, len(table) - 1, min(count, len(table))).astype(int)))

@@ -30,7 +30,7 @@ def triangulate(start: Values, tables: Iterable[Table]) -> Values:
     marks = [t for t in marks if len(t) and not start.layout.contains(t.keys[:, -1]).all()]
     if not marks:
         return start
-    layout = _kinds_of(marks).select(~start.layout.contains(_kinds_of(marks).keys))
+    layout = kinds_of(marks).select(~start.layout.contains(kinds_of(marks).keys))
     start = place_targets(start, marks, start.layout.union(layout))
     open_ = layout.select(~start.layout.contains(layout.keys) & (layout.kinds > Kind.POSE3))
     for kind in (Kind.POINT2, Kind.POINT3):
@@ -168,7 +168,7 @@ class Bundle:
         return np.asarray((least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
 
 
-def _kinds_of(tables: Sequence[Table]) -> Layout:
+def kinds_of(tables: Sequence[Table]) -> Layout:
     """The landmarks that tables see: space counts before the plane, and a pose before a point."""
     keys = np.concatenate([t.keys[:, -1] for t in tables])
     spatial = np.concatenate([np.full(len(t), t.dim == 3) for t in tables])

@@ -1,4 +1,4 @@
-"""Ranges between robots hold bodies together: the true frame is an assembly, and what they leave open shows."""
+"""Rows between robots hold bodies together: the true frame is an assembly, and what they leave open shows."""
 
 import itertools
 from dataclasses import replace
@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from strategies import dims, generators, random_poses
-from teamslam.geometry import Array, Pose, rotations
+from teamslam.geometry import Array, Pose, so3
 from teamslam.joining import build, exact_join, full, join, split
-from teamslam.joining.place.frameworks import assemblies, left_open
+from teamslam.joining.place.frameworks import Truss, assemblies
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.place import place
-from teamslam.joining.place.ranges import MOST, Ranges, Rods
-from teamslam.model import Dataset, Submap
+from teamslam.joining.place.ties import MOST, Tied, turned_about
+from teamslam.model import MODELS, Dataset, Submap, Table, pose_key
 from worlds import team
 
 EXACT = 1e-6  # as noise: far below what any test asks for
@@ -28,53 +29,72 @@ def way(keys: Array, places: Array) -> Outline:
     return Outline(keys, spatial, np.tile(np.eye(3), (n, 1, 1)), yes, np.full(n, 1e-6), np.full(n, 1e-6), yes)
 
 
-def two_ways(rng: np.random.Generator, dim: int, frame: Pose, n: int = 30) -> tuple[list[Outline], Ranges]:
-    """Two robots that drove about, and how far they were from each other, each seen from its own start."""
+def sighted(model: str, dim: int, keys: Array, eyes: Pose, targets: Array) -> Table:
+    """What robots at `eyes` would see of targets without any noise, told with a sigma of a millimetre."""
+    row = MODELS[model]
+    values = row.predict(eyes, targets, dim)
+    sure = np.eye(row.residual_rows(dim))[None] * 1e3
+    return Table(1, "robots", model, dim, keys, values, sure, np.arange(len(keys)))
+
+
+def two_ways(
+    rng: np.random.Generator, dim: int, frame: Pose, model: str = "range", n: int = 30
+) -> tuple[list[Outline], list[Table]]:
+    """Two robots that drove about, and how the first saw the second, each known from its own start."""
     first, second = rng.normal(scale=3.0, size=(2, n, dim))
-    keys = np.stack([np.arange(n), n + np.arange(n)], -1)
-    lengths = np.linalg.norm(first - frame.act(second), axis=-1)
-    ranges = Ranges(keys, np.zeros((n, 3)), lengths, np.full(n, 1e-3), np.full(n, dim == 3))
-    return [way(keys[:, 0], first), way(keys[:, 1], second)], ranges
+    keys = np.stack([pose_key(1, np.arange(n)), pose_key(2, np.arange(n))], -1)
+    eyes = Pose(np.tile(np.eye(dim), (n, 1, 1)), first)
+    return [way(keys[:, 0], first), way(keys[:, 1], second)], [sighted(model, dim, keys, eyes, frame.act(second))]
+
+
+def seen_in_common(outlines: list[Outline], tables: list[Table], dim: int) -> list[list[Pose]]:
+    return assemblies(outlines, [dim == 2] * len(outlines), tables)
 
 
 @settings(max_examples=25)
-@given(generators, dims)
-def test_the_true_frame_is_an_assembly(rng: np.random.Generator, dim: int) -> None:
+@given(generators, dims, st.sampled_from(["range", "bearing", "range_bearing", "point"]))
+def test_the_true_frame_is_an_assembly(rng: np.random.Generator, dim: int, model: str) -> None:
+    """Whatever the robots saw of each other: a few sightings of any model hold the frame."""
     frame = random_poses(rng, dim, turn=3.0)
-    bodies, ranges = two_ways(rng, dim, frame)
-    found = assemblies(bodies, dim, ranges)
+    bodies, tables = two_ways(rng, dim, frame, model)
+    found = seen_in_common(bodies, tables, dim)
     assert min(float(np.abs(f[1].minus(frame)).max()) for f in found) < 1e-4
-    assert left_open(bodies, dim, ranges) == 0
 
 
-@given(generators, dims)
-def test_rods_are_differentiated_by_twists(rng: np.random.Generator, dim: int) -> None:
+@given(generators, dims, st.sampled_from(["range", "bearing", "range_bearing", "point"]))
+def test_rows_between_bodies_are_differentiated_by_twists(rng: np.random.Generator, dim: int, model: str) -> None:
     frame = random_poses(rng, dim, turn=3.0)
-    bodies, ranges = two_ways(rng, dim, frame, 8)
-    rods = Rods.of(ranges, bodies, dim)
-    frames = Pose(np.stack([np.eye(dim), frame.rotation])[None], np.stack([np.zeros(dim), frame.translation])[None])
-    centre, step = rng.normal(size=dim), 1e-6
-    found = rods.jacobian(frames, np.broadcast_to(centre, (1, 2, dim)))[0]
-    for k, unit in enumerate(np.eye(found.shape[1])):
+    bodies, tables = two_ways(rng, dim, frame, model, 8)
+    (tie,) = Tied.of(bodies, [dim == 2] * 2, tables).ties
+    lifted, still = frame.lift(3), Pose.identity(3)
+    frames = Pose(
+        np.stack([still.rotation, lifted.rotation])[None], np.stack([still.translation, lifted.translation])[None]
+    )
+    observer, target = tie.at(frames)
+    centre, step = rng.normal(size=3), 1e-6
+    found = turned_about(tie.slopes(observer, target), target.translation - centre)[0]
+    for k, unit in enumerate(np.eye(6)):
         ends = []
         for s in (step, -step):
-            turn = rotations(dim).exp(s * unit[dim:])
-            moved = Pose(turn, centre + s * unit[:dim] - turn @ centre) @ frame
-            rotation, translation = frames.rotation.copy(), frames.translation.copy()
-            rotation[0, 1], translation[0, 1] = moved.rotation, moved.translation
-            ends.append(rods.residual(Pose(rotation, translation))[0])
-        np.testing.assert_allclose(found[:, k], (ends[0] - ends[1]) / (2.0 * step), atol=1e-2)
+            turn = so3.exp(s * unit[3:])
+            moved = Pose(turn, centre + s * unit[:3] - turn @ centre) @ frames[:, 1]
+            both = Pose(
+                np.stack([still.rotation[None], moved.rotation], 1),
+                np.stack([still.translation[None], moved.translation], 1),
+            )
+            ends.append(tie.residual(*tie.at(both))[0])
+        np.testing.assert_allclose(found[..., k], (ends[0] - ends[1]) / (2.0 * step), rtol=1e-3, atol=1e-2)
 
 
 @settings(max_examples=15)
 @given(generators)
 def test_a_robot_that_stood_still_may_have_looked_anywhere(rng: np.random.Generator) -> None:
-    bodies, ranges = two_ways(rng, 2, random_poses(rng, 2, turn=3.0))
+    bodies, (table,) = two_ways(rng, 2, random_poses(rng, 2, turn=3.0))
     still = way(bodies[1].keys, np.zeros((len(bodies[1].keys), 2)))
-    seen = bodies[0].places[:, :2] - rng.normal(scale=3.0, size=2)
-    heard = Ranges(ranges.keys, ranges.mounts, np.linalg.norm(seen, axis=-1), ranges.sigmas, ranges.spatial)
-    assert assemblies([bodies[0], still], 2, heard) == []
-    assert left_open([bodies[0], still], 2, heard) == 1
+    seen = np.linalg.norm(bodies[0].places[:, :2] - rng.normal(scale=3.0, size=2), axis=-1)
+    heard = [replace(table, values=seen[:, None])]
+    assert seen_in_common([bodies[0], still], heard, 2) == []
+    assert Truss.of([bodies[0], still], [True, True], heard).freedoms().tolist() == [[0, 1], [1, 0]]
 
 
 def test_straight_ways_have_a_mirror_image() -> None:
@@ -82,19 +102,19 @@ def test_straight_ways_have_a_mirror_image() -> None:
     along = np.linspace(0.0, 6.0, 20)[:, None] * np.array([[1.0, 0.0]])
     when = np.random.default_rng(0).permutation(20)
     frame = Pose.from_xytheta(np.array([1.0, 2.0, 0.7]))
-    lengths = np.linalg.norm(along - frame.act(along[when]), axis=-1)
-    keys = np.stack([np.arange(20), 20 + when], -1)
-    ranges = Ranges(keys, np.zeros((20, 3)), lengths, np.full(20, 1e-3), np.zeros(20, bool))
-    found = assemblies([way(np.arange(20), along), way(20 + np.arange(20), along)], 2, ranges)
+    mine, other = pose_key(1, np.arange(20)), pose_key(2, np.arange(20))
+    eyes = Pose(np.tile(np.eye(2), (20, 1, 1)), along)
+    heard = sighted("range", 2, np.stack([mine, other[when]], -1), eyes, frame.act(along[when]))
+    found = seen_in_common([way(mine, along), way(other, along)], [heard], 2)
     seen = sorted(f[1].xytheta().round(4).tolist() for f in found)
     np.testing.assert_allclose(seen, [[1.0, -2.0, -0.7], [1.0, 2.0, 0.7]], atol=1e-3)
 
 
-def test_very_many_rods_are_thinned_evenly() -> None:
-    bodies, ranges = two_ways(np.random.default_rng(0), 2, Pose.identity(2), 5 * MOST)
-    rods = Rods.of(ranges, bodies, 2)
-    assert rods.rows == MOST
-    assert set(rods.lengths.tolist()) <= set(ranges.lengths.tolist())
+def test_very_many_rows_are_thinned_evenly() -> None:
+    bodies, tables = two_ways(np.random.default_rng(0), 2, Pose.identity(2), n=5 * MOST)
+    (tie,) = Truss.of(bodies, [True, True], tables).tied.ties
+    assert len(tie) == MOST
+    assert np.abs(np.diff(tie.table.ids) - 5).max() <= 1
 
 
 # --- teams --------------------------------------------------------------------------------------------------------

@@ -1,0 +1,102 @@
+"""Why a cluster stands alone, in words: what ties it to the others, and what that leaves open.
+
+Each sentence is backed by the rows themselves: that directions are free by the null space of their Jacobian, that a
+frame is held but loosely or does not fit by the join of the submaps concerned.
+"""
+
+import itertools
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.joining.place.robust_fit import HINGE
+from teamslam.joining.place.ties import Tied
+from teamslam.model import WORLD, Submap, is_landmark, robot_of
+
+LOOSE = HINGE**-0.5  # [rad], and of the distance: a frame that is held less firmly is free
+WORDS = {
+    "range_bearing": ("range and bearing", "ranges and bearings"),
+    "relative_pose": ("relative pose", "relative poses"),
+    "position": ("position in the world", "positions in the world"),
+    "pose": ("pose in the world", "poses in the world"),
+}
+
+
+@dataclass(frozen=True)
+class Held:
+    """How submaps that were joined hang together: whether what ties them `fits` one frame, and how well the frame that
+    is known least is known there: `turn` [rad], `place` [m], at a `distance` [m]; infinite where it is open."""
+
+    fits: bool
+    turn: float
+    place: float
+    distance: float
+
+    @property
+    def looseness(self) -> float:
+        """How loosely it is held: above LOOSE it is free to turn or to move."""
+        return max(self.turn, self.place / max(self.distance, 1e-9))
+
+    @property
+    def firm(self) -> bool:
+        """Whether the frame is held."""
+        return bool(self.looseness <= LOOSE)
+
+
+def why_apart(submap: Submap, tied: Tied, free: int, held: Held | None) -> str:
+    """The reason of the cluster that begins with `submap`, the second of the bodies in `tied`, of which it can move
+    against the first in `free` directions; where that is none, how they would be `held`."""
+    names = submap.names
+    who = f"the submaps of robot {names.robot(int(robot_of(submap.base)))} from {names.describe(submap.base)} on"
+    rows = Counter[str]()
+    things: set[int] = set()
+    for tie in tied.ties:
+        mine = (tie.ends == 1).any(0)
+        if not tie.measured:
+            things |= set(tie.table.keys[mine, 0].tolist())
+        elif mine.any():
+            rows[tie.table.model] += int(mine.sum())
+    if not things and not rows:
+        return (
+            f"{who} share nothing with the map: no common landmark, and neither robot saw the other; "
+            f"{'two' if submap.base_dim == 2 else 'three'} common landmarks, or one sighting of a robot's pose, would "
+            f"join them"
+        )
+    more = "two more common landmarks" if free == 3 and submap.base_dim == 3 else "one more common landmark"
+    what = ", ".join(_what(submap, key) for key in itertools.islice(sorted(things), 6))
+    if not rows and free:
+        return (
+            f"{who} share only {what} with the map and can still turn about {'it' if len(things) == 1 else 'them'}: "
+            f"under-constrained, {_directions(free)} free; {more} elsewhere, or one sighting of a robot's pose, would "
+            f"join them"
+        )
+    ties = " and ".join([f"{n} {_noun(m, n)}" for m, n in rows.items()] + ([what] if things else []))
+    tied_by = f"{who} are tied to the map by {ties}"
+    cure = f"sightings from other sides and farther apart, {more}, or one sighting of a robot's pose, would join them"
+    if free:
+        return f"{tied_by}, which leave {_directions(free)} of their frame open: under-constrained; {cure}"
+    if held is not None and held.fits and not held.firm:
+        known = f"its heading to {held.turn:.2g} rad and its place to {held.place:.2g} m"
+        known = known if np.isfinite(held.looseness) else "there it can still turn or move"
+        return f"{tied_by}, which at these sigmas hold their frame but loosely ({known}): under-constrained; {cure}"
+    return (
+        f"{tied_by}, but no frame fits them; look for wrong {' or '.join(_noun(m, 2) for m in rows)}, "
+        f"or for odometry that is worse than it says"
+        if rows
+        else f"{tied_by}, but no frame fits them; look for landmarks that were taken for others"
+    )
+
+
+def _what(submap: Submap, key: int) -> str:
+    if key == WORLD:
+        return "the world"
+    return f"landmark {submap.names.landmark(key)}" if is_landmark(key) else submap.names.describe(key)
+
+
+def _directions(count: int) -> str:
+    return f"{count} direction{'' if count == 1 else 's'}"
+
+
+def _noun(model: str, count: int) -> str:
+    return WORDS.get(model, (model, model + "s"))[count != 1]
