@@ -28,8 +28,9 @@ def direction_basis(direction: Array) -> Array:
 
 
 def of(points: Array) -> Array:
-    """The directions of points (..., 3) as seen from the origin."""
-    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
+    """The directions of points (..., 3) as seen from the origin; not a number of the origin itself."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
 
 
 def minus(z: Array, h: Array) -> Array:

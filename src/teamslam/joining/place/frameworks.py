@@ -20,9 +20,12 @@ from teamslam.joining.place.robust_fit import HINGE, PLACE_SIGMA
 from teamslam.joining.place.ties import FLAT, Tied, turned_about
 from teamslam.model import Table, chi2_quantile
 
-STARTS = 32  # for each body but the first; a triangle falls into one of its two assemblies from nearly all of them
-FEW = 16  # starts where only what is open is asked
+STARTS = 32  # a triangle falls into one of its two assemblies from nearly all of them
+FEW = 6  # starts where only what is open is asked
+SHARE = 96  # of bodies in all starts: large trusses, which are seldom, have fewer
 STEPS = 60
+TRIAL = 15  # steps after which the better half goes on
+MOST_ASSEMBLIES, FEW_THAT_DO_NOT = 16, 3  # looked at, and of those that do not fit
 FAR = 1e4  # times the reach
 STUCK = 1e9  # of the damping
 NEAR = 1e-6  # [m], [rad]: steps that are shorter lead nowhere else
@@ -56,13 +59,14 @@ class Truss:
         """Where the rows' cost has a minimum, by cost; mirror images and other ways to put the bodies together."""
         if not self._columns.size or not self.tied.ties:
             return []
-        frames, costs = self._solved(self._starts(STARTS * (self.tied.given - 1)))
+        frames, costs = self._solved(self._starts(min(STARTS, SHARE // self.tied.given)))
         limit = chi2_quantile(FITS, max(self._rows_that_count(frames) - len(self._columns), 1))
         found: list[Assembly] = []
-        for s in np.argsort(costs):
-            frame = frames[s]
-            if np.isfinite(costs[s]) and all(_apart(frame[: self.tied.given], f.frames) for f in found):
-                fits = bool(costs[s] <= limit)
+        for s in np.argsort(costs)[np.isfinite(np.sort(costs))]:
+            frame, fits = frames[s], bool(costs[s] <= limit)
+            if len(found) == MOST_ASSEMBLIES or not (fits or len(found) < FEW_THAT_DO_NOT):
+                break
+            if all(_apart(frame[: self.tied.given], f.frames) for f in found):
                 found.append(Assembly(frame[: self.tied.given], float(costs[s]), fits, self._nullity(frame)))
         return found
 
@@ -118,13 +122,17 @@ class Truss:
         """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,)."""
         rotation, translation = frames.rotation.copy(), frames.translation.copy()
         damping, going = np.full(len(frames), 1e-3), np.arange(len(frames))
-        for _ in range(STEPS):
+        costs = np.full(len(frames), np.inf)
+        for n in range(STEPS):
+            if n and n % TRIAL == 0:
+                going = np.sort(going[np.argsort(costs[going], kind="stable")[: (len(going) + 1) // 2]])
             here = Pose(rotation[going], translation[going])
             hessian, gradient, cost, whiteners = self._normal(here)
             scale = np.einsum("sii->si", hessian) + 1e-9
             damped = hessian + damping[going, None, None] * scale[:, :, None] * np.eye(hessian.shape[-1])
             step = np.zeros((len(here), self.tied.moves.size))
             step[:, self._columns] = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+            costs[going] = cost
             tried = _moved(here, step.reshape(len(here), -1, 6))
             better = self._cost(tried, whiteners) < cost
             damping[going] = np.clip(np.where(better, damping[going] / 5.0, damping[going] * 4.0), 1e-9, STUCK)

@@ -34,6 +34,7 @@ BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses 
 TRUSS = 4  # clusters in a truss at most; and one of all that hang rigidly together, if these are not more than
 WHOLE = 8
 TRIES = 500  # sets of clusters looked at for a truss; only where very many hang loosely together are there more
+SOLVED = 2  # of them that are solved, for each cluster
 JUDGED = 3  # assemblies of a truss that the join is asked about
 
 Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Held]
@@ -208,7 +209,7 @@ class _Placing:
         """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
         if len(bodies) == 1:
             return None
-        tied, flat = self._tied(bodies), self._flat(bodies)
+        tied, flat, left = self._tied(bodies), self._flat(bodies), SOLVED * len(bodies)
         for places in itertools.islice(_candidates(tied), TRIES):
             truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
             which = tuple(tuple(body.placed) for body in inside)
@@ -218,6 +219,9 @@ class _Placing:
             if held:
                 return places, held
             self._loose.add(which)
+            left -= 1
+            if not left:
+                break
         return None
 
     def _held(self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]) -> list[list[Pose]]:

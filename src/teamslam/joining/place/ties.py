@@ -26,7 +26,8 @@ from teamslam.joining.place.robust_fit import PLACE_SIGMA, TURN_SIGMA
 from teamslam.joining.start.triangulate import kinds_of
 from teamslam.model import MODELS, WORLD, Kind, Layout, Table, is_landmark, pack
 
-MOST = 120  # rows of one table in one truss at most, evenly taken: more would not tell more of its frames
+MOST = 120  # rows of one truss at most, evenly taken: more would not tell more of its frames
+FEWEST = 8  # of one table, should there be very many tables
 COMMON = "common"  # the source of rows that no measurement is: two views of one thing
 MOST_POINTS = 30  # landmarks that no body knows, those with most sightings
 SAME = 1e-3  # [m], [rad]: sigma of two views of one thing, before what each is known to
@@ -176,7 +177,8 @@ class Tied:
         measured = [replace(t, ends=new[t.ends]) for t in self.ties if t.measured]
         measured = [t.select(np.asarray((t.ends >= 0).all(0))) for t in measured]
         index = self.index.renumbered(new)
-        ties = [t.spread(MOST) for t in (*measured, *index.common()) if len(t)]
+        ties = [t for t in (*measured, *index.common()) if len(t)]
+        ties = [t.spread(max(MOST // len(ties), FEWEST)) for t in ties]
         return Tied(len(places), self.moves[order], ties, index)
 
     def meetings(self) -> Array:
