@@ -204,7 +204,7 @@ WHO = r"the submaps of robot (?P<robot>.+?) from (?P<base>.+?) on"
 CLAIMS: dict[str, tuple[str, Check]] = {
     "shares nothing": (WHO + r" share nothing with the map", _shares_nothing),
     "can still turn": (WHO + r" share only (?P<things>.+) with the map and can still turn", _can_turn),
-    "rows leave it open": (
+    "ranges leave it open": (
         WHO + r" are tied to the map by .*, which leave (?P<open>\d+) directions? of their frame open",
         _can_turn,
     ),
@@ -212,7 +212,7 @@ CLAIMS: dict[str, tuple[str, Check]] = {
         WHO + r" are tied to the map by .*, which at these sigmas hold their frame but loosely",
         _can_turn,
     ),
-    "no frame fits": (
+    "no frame fits the ranges": (
         WHO + r" are tied to the map by .*, but no frame fits",
         _nothing_fits,
     ),

@@ -132,6 +132,41 @@ def built(dataset: Dataset) -> list[Submap]:
     return [build(piece) for piece in split(dataset)]
 
 
+@pytest.mark.parametrize(
+    ("world", "model"), [*itertools.product(("2d", "planar"), ("bearing", "range_bearing", "point")), ("3d", "point")]
+)
+def test_sightings_of_any_model_place_a_team_that_shares_nothing_else(world: str, model: str) -> None:
+    """Both ways: no sighting fixes a pose, nor does any robot alone."""
+    dataset = team(world, robots=2, robot_model=model, sigma=EXACT, sigma_odometry=EXACT, every=4)
+    dataset = dataset.with_tables(t for t in dataset.tables if t.source != "landmarks")
+    submaps = built(dataset)
+    (cluster,) = place(submaps).clusters
+    assert dataset.truth is not None
+    root = dataset.truth.pose(submaps[0].base)
+    true = [root.between(dataset.truth.pose(submaps[n].base)) for n in cluster.members]
+    ways = (cluster.frames, *cluster.others)
+    assert min(max(float(np.abs(f.minus(t)).max()) for f, t in zip(way, true, strict=True)) for way in ways) < 1e-3
+
+
+def test_bearings_of_robots_decide_what_one_landmark_leaves_open() -> None:
+    """One common landmark is a hinge; two bearings between robots that stand still hold it."""
+    dataset = team("2d", robots=2, robot_model="bearing", landmarks=1, sees=1.0, every=12)
+    joined = join(built(dataset))
+    assert len(joined.components) == 1
+    without = dataset.with_tables(t for t in dataset.tables if t.source != "robots")
+    (reason,) = join(built(without)).reasons
+    assert "share only landmark 0" in reason and "1 direction free" in reason
+
+
+@pytest.mark.parametrize("every", [12, 6])
+def test_landmarks_known_badly_along_the_ray_hold_a_frame(every: int) -> None:
+    """Seen by bearings from nearly one place, landmarks are long and thin: as points they hold nothing, as they are
+    they do."""
+    dataset = team("2d", robots=2, model="bearing", landmarks=8, poses=8, sigma=0.01, sees=1.0, every=every)
+    dataset = dataset.with_tables(t for t in dataset.tables if t.source != "robots")
+    assert len(join(built(dataset)).components) == 1
+
+
 # Two robots in space that fly alike, on flat circles, stay open in one direction; three do not.
 MET = [("2d", 2), ("2d", 3), ("planar", 2), ("planar", 3), ("3d", 3)]
 

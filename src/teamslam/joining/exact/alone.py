@@ -13,7 +13,7 @@ from teamslam.geometry import IntArray
 from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.joining.join.join import Joined
 from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import Submap, Table, Values, is_landmark, is_pose, robot_of
+from teamslam.model import WORLD, Submap, Table, Values, is_landmark, is_pose, robot_of
 from teamslam.solver import Options, System, optimise
 
 FEW = Options(max_iterations=60, decrement=1e-3)
@@ -29,7 +29,7 @@ def excess_alone(tables: Sequence[Table], joined: Joined, submap: Submap) -> flo
         return float("inf")
     values, own = point_of(home), _own_poses(submap, home)
     rows = [t.select(np.asarray(np.isin(t.keys, own).any(1) & values.layout.contains(t.keys).all(1))) for t in tables]
-    rows = [t for t in rows if len(t)]
+    rows = [t for t in rows if len(t) and (home.base == WORLD or not t.row.unary)]
     used = np.unique(np.concatenate([own, *(t.keys.ravel() for t in rows)]))
     here = values.only(used)
     held = np.append(used[~np.isin(used, own)], submap.base)
@@ -43,7 +43,7 @@ def excess_together(tables: Sequence[Table], joined: Joined, submap: Submap) -> 
     if home is None:
         return float("inf")
     values = point_of(home)
-    rows, _ = usable_rows(tables, values.layout)
+    rows, _ = usable_rows(tables, values.layout, world=home.base == WORLD)
     seen_by_others = [t.keys[robot_of(t.keys[:, 0]) != robot_of(submap.base), -1] for t in rows]
     marks = np.setdiff1d(submap.keys[is_landmark(submap.keys)], np.concatenate(seen_by_others))
     own = np.union1d(_own_poses(submap, home), np.intersect1d(marks, home.keys))

@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.joining.exact.gap import point_of
 from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import Submap, Table
+from teamslam.model import WORLD, Submap, Table
 from teamslam.solver import System
 
 
@@ -30,7 +30,7 @@ def cost_of(map: Submap, tables: Iterable[Table]) -> Cost:
     Law: at the map of `full` it is the least there is, whoever made the map.
     """
     values = point_of(map)
-    tables, _ = usable_rows(tables, values.layout)
+    tables, _ = usable_rows(tables, values.layout, world=map.base == WORLD)
     system = System(values.layout, tables=tables, names=map.names)
     squared = [np.sum(system.whitened(number, values) ** 2, -1) for number in range(len(tables))]
     cost = sum(float(table.loss.cost(s).sum()) for table, s in zip(tables, squared, strict=True))

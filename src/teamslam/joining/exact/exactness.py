@@ -13,7 +13,7 @@ from teamslam.joining.exact.gap import AtMap
 from teamslam.joining.exact.robot import Sending, separators_of
 from teamslam.joining.join.join import Component, Exactness, Joined
 from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import Dataset, Sources, Submap
+from teamslam.model import WORLD, Dataset, Sources, Submap
 
 
 def with_exactness(
@@ -48,7 +48,9 @@ def _exactness(joined: Submap, members: Sequence[tuple[Dataset, Submap]], known:
     if known is not None and len(known) == len(at):
         at = known  # a log has all rows of its pieces: as many are the same
     submaps = [submap for _, submap in members]
-    raw, _ = usable_rows([table for submap in submaps for table in submap.raw], at.values.layout)
+    raw, _ = usable_rows(
+        [table for submap in submaps for table in submap.raw], at.values.layout, world=joined.base == WORLD
+    )
     separators = separators_of(submaps, raw)
     sent = [Sending.of(submap, separators) for submap in submaps]
     numbers = sum(sending.placing + sending.numbers for sending in sent)

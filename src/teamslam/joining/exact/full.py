@@ -75,7 +75,7 @@ def _full(
     full_map = Submap(
         id="full:" + joined.id,
         version=joined.version,
-        base=joined.base,
+        base=int(fixed[0]) if len(fixed) else WORLD,
         base_dim=joined.base_dim,
         values=solution.values.select(keep),
         information=lambda: solution.information,
@@ -96,7 +96,7 @@ def _solved(
         tables = list(_within(dataset.tables, start))
         if not tables:
             raise ModelError("none of the dataset's measurements speak of the map to start from")
-        anchored, fixed = _gauge(start, joined, tables)
+        anchored, fixed, tables = _gauge(start, joined, tables)
         system = System(anchored.layout, tables=tables, fixed=fixed, names=dataset.names)
         try:
             return optimise(system, anchored, options, progress), tables, fixed
@@ -112,7 +112,7 @@ def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:
             yield table.select(there)
 
 
-def _gauge(start: Values, joined: Submap, tables: list[Table]) -> tuple[Values, IntArray]:
+def _gauge(start: Values, joined: Submap, tables: list[Table]) -> tuple[Values, IntArray, list[Table]]:
     if joined.base == WORLD:
-        return start, NOBODY
+        return start, NOBODY, tables
     return anchor(start, joined, tables)

@@ -17,7 +17,7 @@ import numpy as np
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.join.join import Exactness
 from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import Layout, Submap, Table, Values
+from teamslam.model import WORLD, Layout, Submap, Table, Values
 from teamslam.solver import Factor, System
 from teamslam.solver.linear import Matrix
 
@@ -73,7 +73,7 @@ class AtMap:
 
     def __init__(self, tables: Sequence[Table], joined: Submap) -> None:
         self.joined, self.values = joined, point_of(joined)
-        self.tables, _ = usable_rows(tables, self.values.layout)
+        self.tables, _ = usable_rows(tables, self.values.layout, world=joined.base == WORLD)
 
     @cached_property
     def gap(self) -> Gap:

@@ -121,10 +121,13 @@ class Part:
         return self.system.retract(self.values, delta)
 
 
-def parts_of(members: Sequence[tuple[Dataset, Submap]], layout: Layout) -> tuple[list[Part], list[Table]]:
-    """The parts of pieces and the submaps built of them, and what of their raw measurements speaks of the layout."""
+def parts_of(
+    members: Sequence[tuple[Dataset, Submap]], layout: Layout, *, world: bool
+) -> tuple[list[Part], list[Table]]:
+    """The parts of pieces and the submaps built of them, and what of their raw measurements speaks of the layout, and
+    of the `world`, if the map is written in its frame."""
     submaps = [submap for _, submap in members]
-    raw, _ = usable_rows([t for s in submaps for t in s.raw], layout)
+    raw, _ = usable_rows([t for s in submaps for t in s.raw], layout, world=world)
     separators = separators_of(submaps, raw)
     return [Part(piece, submap, separators) for piece, submap in members], raw
 

@@ -32,7 +32,7 @@ from teamslam.joining.exact.robot import Part, Reduced, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.join import Component, Joined, in_order, join
 from teamslam.joining.join.optimum import joined_map, without_loose
-from teamslam.model import Dataset, Submap, Table, Values
+from teamslam.model import WORLD, Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.newton import Bend, Curvature
 from teamslam.solver.optimise import DEFAULTS
@@ -87,7 +87,7 @@ def _rounds(
     joined = component.map
     held = np.concatenate([submap.values.layout.keys for _, submap in members])
     while True:
-        parts, raw = parts_of(members, point_of(joined).layout)
+        parts, raw = parts_of(members, point_of(joined).layout, world=joined.base == WORLD)
         try:
             return _Team(parts, raw, joined).run(component, gap, max_rounds, progress)
         except SolveError as error:

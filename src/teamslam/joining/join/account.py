@@ -26,6 +26,11 @@ from teamslam.model import (
     robot_of,
 )
 
+WORLD_OPEN = (
+    "they leave the map free to turn in the world, so it is written in the frame of its first pose; two positions apart"
+    " (in space three not in line), or one measured pose, would hold it"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Unbuilt:
@@ -118,8 +123,8 @@ class _Books:
                 mine = [np.zeros(len(t), bool) for t in self.log.tables]
                 mine[number] = self.open[number]
                 what = f"{table.source} of robot {self.names.robot(table.robot)}"
-                yield self._taken("rows", what, np.zeros(0, np.int64), mine, "they tie together what is in different "
-                                  "maps, or they name what is in none")  # fmt: skip
+                apart = "they tie together what is in different maps, or they name what is in none"
+                yield self._taken("rows", what, np.zeros(0, np.int64), mine, WORLD_OPEN if table.row.unary else apart)
 
     def _taken(self, kind: str, what: str, keys: IntArray, rows: Sequence[BoolArray], reason: str) -> LeftOut:
         """An entry with some of what is missing, which is then nobody else's."""

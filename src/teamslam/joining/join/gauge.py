@@ -1,45 +1,50 @@
-"""The frame of a joined map: its first base pose, or the world where something was measured in it.
+"""The frame of a joined map: its first base pose, or the world where enough was measured in it.
 
 Positions and poses in the world (GPS, survey) fix the gauge themselves. The start is moved there by one rigid fit over
-them; with too few of them (one in the plane, fewer than three in space) the map is free to turn, which is refused.
-Where one of the maps that are joined is written in the world's frame already, that frame is held, and all go there.
+them. With too few of them (one position in the plane, fewer than three in space) the map is free to turn in the world:
+then it stays in the frame of its first pose, and what was measured in the world waits for what may come, or is told as
+left out in the end. Where one of the maps that are joined is written in the world's frame already, that frame is held,
+and all go there.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from teamslam.errors import SolveError
-from teamslam.geometry import IntArray, align, lift_points
+from teamslam.geometry import IntArray, Pose, align, lift_points
 from teamslam.model import WORLD, Submap, Table, Values
 
+LEAST = 1e-6  # the rigidity of a fit below which it is free to turn
 
-def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values, IntArray]:
-    """The start values in the frame of the joined map, and the keys that are held fixed there (the gauge).
 
-    Raises SolveError where the measured positions leave the map free to turn.
-    """
+def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values, IntArray, list[Table]]:
+    """The start values in the frame of the joined map, the keys that are held fixed there (the gauge), and the tables
+    that count: all of them, or those that were not measured in the world."""
     if start.layout.contains(WORLD):
-        return start.transform(start.pose(WORLD).inverse()), np.array([WORLD])
+        return start.transform(start.pose(WORLD).inverse()), np.array([WORLD]), list(tables)
     absolute = [t for t in tables if t.row.unary]
     if not absolute:
-        return start, np.array([root.base])
-    dim = root.base_dim
+        return start, np.array([root.base]), list(tables)
+    fit = _in_the_world(start, absolute, root.base_dim)
+    if fit is None:
+        return start, np.array([root.base]), [t for t in tables if not t.row.unary]
+    return start.transform(fit), np.zeros(0, np.int64), list(tables)
+
+
+def in_the_world(fixed: IntArray) -> bool:
+    """Whether a map whose gauge is `fixed` is written in the world's frame."""
+    return not len(fixed) or int(fixed[0]) == WORLD
+
+
+def _in_the_world(start: Values, absolute: Sequence[Table], dim: int) -> Pose | None:
+    """What takes a map into the world, None where it would be free to turn there."""
     here = np.concatenate([start.positions(t.keys[:, 0], dim) for t in absolute])
     there = np.concatenate([lift_points(t.values[:, : min(dim, t.dim)], dim) for t in absolute])
-    turned = [t for t in absolute if t.model == "pose" and t.dim == dim]
+    whole = [t.select(t.ranks == t.row.residual_rows(t.dim)) for t in absolute if t.model == "pose" and t.dim == dim]
+    turned = [t for t in whole if len(t)]
     if turned:
         mine = np.concatenate([start.poses_of(t.keys[:, 0], dim).rotation for t in turned])
         theirs = np.concatenate([t.values[:, dim:].reshape(-1, dim, dim) for t in turned])
-        return start.transform(align(here, there, source_rotations=mine, target_rotations=theirs).pose), _none()
+        return align(here, there, source_rotations=mine, target_rotations=theirs).pose
     fit = align(here, there)
-    if fit.rigidity < 1e-6:
-        raise SolveError(
-            f"the map's orientation in the world is not determined: {len(here)} measured position(s) leave it free to "
-            f"turn; {'two apart' if dim == 2 else 'three not in line'} would hold it, or one measured pose"
-        )
-    return start.transform(fit.pose), _none()
-
-
-def _none() -> IntArray:
-    return np.zeros(0, np.int64)
+    return fit.pose if fit.rigidity >= LEAST else None

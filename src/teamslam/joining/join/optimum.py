@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import IntArray, Pose
-from teamslam.joining.join.gauge import anchor
+from teamslam.joining.join.gauge import anchor, in_the_world
 from teamslam.joining.join.homes import homes
 from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
@@ -47,9 +47,9 @@ class Optimum:
         start = triangulate(start_values(stack, frames), raw)
         while True:
             usable, _ = usable_rows(raw, start.layout)
-            anchored, fixed = anchor(start, submaps[0], usable)
+            anchored, fixed, used = anchor(start, submaps[0], usable)
             try:
-                return cls._from(members, stack, anchored, usable, fixed, options, progress)
+                return cls._from(members, stack, anchored, used, fixed, options, progress)
             except SolveError as error:
                 start = without_loose(start, error, stack.keys)
 
@@ -121,11 +121,12 @@ def without_loose(values: Values, error: SolveError, held: IntArray) -> Values:
     return values.select(values.layout.keys != error.key)
 
 
-def usable_rows(raw: Iterable[Table], layout: Layout) -> tuple[list[Table], list[Table]]:
-    """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap."""
+def usable_rows(raw: Iterable[Table], layout: Layout, *, world: bool = True) -> tuple[list[Table], list[Table]]:
+    """Raw measurements in two parts: those whose variables are all there, and those that wait for another submap; where
+    the map is not written in the `world`'s frame, what was measured in it waits too."""
     usable, waiting = [], []
     for table in raw:
-        ready = np.asarray(layout.contains(table.keys).all(1))
+        ready = np.asarray(layout.contains(table.keys).all(1) & (world or not table.row.unary))
         if ready.all():
             usable += [table] if len(table) else []
             continue
@@ -143,7 +144,8 @@ def joined_map(
     base_dim: int,
 ) -> Submap:
     """The joined map as a submap, in the frame of the fixed pose (or the world's)."""
-    _, waiting = usable_rows([t for m in members for t in m.raw], solution.values.layout)
+    tables = [t for m in members for t in m.raw]
+    _, waiting = usable_rows(tables, solution.values.layout, world=in_the_world(fixed))
     keep = ~np.isin(solution.values.layout.keys, fixed)
     return Submap(
         id="+".join(sorted(m.id for m in members)),

@@ -3,10 +3,10 @@
 Three planar maps with one common landmark for each pair are a triangle of bars and pins; two robots that heard how far
 they were from each other are bodies with rods between them; two that saw at what angle the other stood, bodies with
 sights. Their frames minimise the rows' losses (see `ties`) from many starts, since a truss may also lie mirrored:
-locally unique, two-fold in all. An assembly counts where it fits, and where no body can turn: twists xi_b (of the first body 0)
-that change no row must vanish. Their information matrix, with lengths in units of the truss's extent and without robust
-weights, must hold every direction by HINGE at least; how many it leaves open is the nullity. What need not be held is
-the world and landmarks that are bodies: they are eliminated.
+locally unique, two-fold in all. An assembly counts where it fits, and where no body can turn: twists xi_b (of the first
+body 0) that change no row must vanish. Their information matrix, with lengths in units of the truss's extent and
+without robust weights, must hold every direction by HINGE at least; how many it leaves open is the nullity. What need
+not be held is the world and landmarks that are bodies: they are eliminated.
 """
 
 from collections.abc import Iterable, Sequence
@@ -122,10 +122,12 @@ class Truss:
         """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,)."""
         rotation, translation = frames.rotation.copy(), frames.translation.copy()
         damping, going = np.full(len(frames), 1e-3), np.arange(len(frames))
-        costs = np.full(len(frames), np.inf)
+        costs, kept = np.full(len(frames), np.inf), np.ones(len(frames), bool)
         for n in range(STEPS):
             if n and n % TRIAL == 0:
-                going = np.sort(going[np.argsort(costs[going], kind="stable")[: (len(going) + 1) // 2]])
+                order = going[np.argsort(costs[going], kind="stable")]
+                going, dropped = np.sort(order[: (len(order) + 1) // 2]), order[(len(order) + 1) // 2 :]
+                kept[dropped] = False
             here = Pose(rotation[going], translation[going])
             hessian, gradient, cost, whiteners = self._normal(here)
             scale = np.einsum("sii->si", hessian) + 1e-9
@@ -142,7 +144,7 @@ class Truss:
             going = going[~arrived]
             if not len(going):
                 break
-        frames = Pose(rotation, translation)
+        frames = Pose(rotation[kept], translation[kept])
         return frames, self._normal(frames)[2]
 
     def _cost(self, frames: Pose, whiteners: Sequence[Array]) -> Array:

@@ -27,7 +27,7 @@ from teamslam.joining.place.outline import Outline, known_keys, outline_of_chain
 from teamslam.joining.place.reasons import Held, why_apart
 from teamslam.joining.place.robust_fit import Link, link
 from teamslam.joining.place.ties import MOST, Tied
-from teamslam.model import Submap, Table
+from teamslam.model import WORLD, Submap, Table
 from teamslam.solver import side_by_side
 
 BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
@@ -112,7 +112,7 @@ class _Placing:
 
     def _outline(self, chain: int, *, raw: bool) -> Outline:
         members, frames = self.chains[chain]
-        keys = self.shared if raw else np.concatenate([self.shared, *(t.keys.ravel() for t in self.raw)])
+        keys = self.shared if raw else np.concatenate([self.shared, [WORLD], *(t.keys.ravel() for t in self.raw)])
         return outline_of_chain([self.submaps[m] for m in members], frames, np.unique(keys), raw=raw)
 
     def placement(self) -> Placement:
