@@ -125,7 +125,8 @@ def _solved(
         pieces = _pieces(log, config)
         clock.start("building submaps", len(pieces))
         built = clock.each(_each(pieces, lambda piece: _build(piece, config.solver)))
-        submaps, remarks = zip(*_whole(built), strict=True)
+        whole = _whole(built)
+        submaps, remarks = tuple(submap for submap, _ in whole), [remark for _, remark in whole]
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
         joined = _with_books(log, joined, built, [r for r in remarks if r])

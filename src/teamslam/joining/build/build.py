@@ -90,6 +90,8 @@ def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap
     try:
         optima = [submap for submap, _ in _optima(piece, None, 0, options, None)]
     except SolveError:
+        if not own_rows(piece, robot):
+            raise  # and nothing else leads anywhere
         return [_skeleton(piece, robot, options)]
     guesses, keys = starts(piece, robot), optima[0].values.layout.keys
     if len(guesses) < 2:
