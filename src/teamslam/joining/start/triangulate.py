@@ -164,7 +164,8 @@ class Bundle:
         for rays in self.rays:
             np.minimum.at(nearest, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
             looked_at += np.bincount(rays.mark, minlength=n)
-        least = np.linalg.eigvalsh(information)[:, 0] * self.seen / np.maximum(looked_at, 1.0)
+        known = np.isfinite(information).all((1, 2), keepdims=True)  # a landmark where its sensor is has no bearing
+        least = np.linalg.eigvalsh(np.where(known, information, 0.0))[:, 0] * self.seen / np.maximum(looked_at, 1.0)
         return np.asarray((least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
 
 
