@@ -1,5 +1,7 @@
 """The verdict is chi-square where the model is right, and says so where it is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
@@ -95,6 +97,21 @@ def test_a_joins_own_approximation_is_not_held_against_the_log() -> None:
     joined = join([build(piece) for piece in split(log)])
     found, best = verdict(log, joined), verdict(log, full(log))
     assert found.cost - found.decrease == pytest.approx(best.cost, rel=0.02)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_map_that_is_far_from_its_measurements_is_never_said_to_fit(world: str) -> None:
+    """Moved off its optimum by many sigmas: the log is right, and the map is not to be trusted."""
+    log = team(world, poses=20)
+    best = full(log)
+    moved = best.map.values.retract(np.random.default_rng(0).normal(0.0, 0.1, best.map.values.layout.dof))
+    far = replace(best, components=(replace(best.components[0], map=replace(best.map, values=moved)),))
+    found = verdict(log, far)
+    assert found.cost > 9.0 * found.expected
+    assert found.level != "fits"
+    if found.level == "strained":
+        assert "far from the optimum" in sentence(found) and "DOES NOT" not in sentence(found)
+        assert not found.causes
 
 
 def test_where_nothing_is_to_spare_nothing_is_said() -> None:

@@ -9,7 +9,8 @@
 A misfit is one of three things: the cost is more than GROSS times what is expected (residuals three times as large as
 stated, on the whole); so large are those of half the rows of some sensor of a robot, though a robust loss may forgive
 them one by one; or a mistake in the log was found (see `causes`).
-What a join's own approximation adds to the cost is never held against the log.
+What a join's own approximation adds to the cost is never held against the log; a map that is far off by it alone is
+`strained`.
 """
 
 from collections.abc import Sequence
@@ -117,6 +118,8 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     in_map = any(not lost.issuperset(cause.robots) for cause in causes)
     level = "misfit" if in_map or refused(rows) else _level(cost - decrease, expected, (low, high))
     poor = level in ("strained", "misfit")
+    if not poor and _level(cost, expected, (low, high)) == "misfit":
+        level = "strained"  # the map is, by its join, though its measurements may agree
     if poor and not causes:
         causes = noise_causes(noise, rows, max(cost - decrease - expected, 1.0), names)
     return Verdict(
@@ -134,6 +137,12 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
         parts=parts,
         names=names,
     )
+
+
+def far_by_its_join(found: Verdict) -> bool:
+    """Whether a map's measurements agree with each other, and yet it is far from where they would have it."""
+    fits = _level(found.cost - found.decrease, found.expected, found.band) not in ("strained", "misfit")
+    return found.level == "strained" and fits
 
 
 def _level(cost: float, expected: float, band: tuple[float, float]) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from teamslam.trust.cause import rows_called
-from teamslam.trust.fit import Verdict
+from teamslam.trust.fit import Verdict, far_by_its_join
 
 MANY = 0.02  # of a sensor's rows: outliers that are worth a word
 MOST = 2  # words on outliers in one sentence
@@ -25,6 +25,8 @@ def sentence(found: Verdict) -> str:
 def _judged(found: Verdict, times: float) -> str:
     if found.level == "loose":
         return f"the standard deviations look too large, about {_number(1.0 / math.sqrt(max(times, 1e-12)))} times"
+    if far_by_its_join(found):
+        return "the join is far from the optimum of its measurements (`--exact` or `--method full` may reach it)"
     return {"fits": "the model fits", "strained": "the model fits poorly", "misfit": "THE MODEL DOES NOT FIT"}[
         found.level
     ]
