@@ -18,6 +18,7 @@ import numpy as np
 
 from teamslam.geometry import IntArray
 from teamslam.model import Dataset, Names, Table, is_landmark, is_pose, robot_of
+from teamslam.oddities import oddities
 
 GAP_FACTOR = 20.0  # a gap is this many times the usual step
 UNSEEN = 2  # landmarks seen by fewer rows than this hang on one sighting
@@ -207,6 +208,7 @@ def _hints(dataset: Dataset, links: tuple[Link, ...], groups: tuple[tuple[int, .
     names = dataset.names
     for robot in sorted(dataset.robots):
         yield from _robot_hints(dataset, robot)
+    yield from oddities(dataset)
     lonely = _seen_once(dataset)
     if lonely:
         some = ", ".join(names.landmark(k) for k in lonely[:5]) + (", ..." if len(lonely) > 5 else "")

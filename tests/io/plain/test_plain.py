@@ -503,3 +503,46 @@ def test_every_file_is_needed(tmp_path: Path) -> None:
         (documented_example(path) / name).unlink()
         with pytest.raises(InputError, match=f"{re.escape(name)}: no such file"):
             plain.read(path)
+
+
+# --- slips of the hand ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wrong", ["0", "-2"])
+def test_a_range_that_is_none_is_refused_with_its_line(tmp_path: Path, wrong: str) -> None:
+    """Sensors write 0 where they saw nothing."""
+    text = LANDMARKS + f"1,7,{wrong},0.5\n"
+    with pytest.raises(InputError, match=rf"line 4, field 'range': a range is above 0, found {wrong} \(1 of 3"):
+        plain.read(folder(tmp_path, landmarks=text))
+
+
+def test_angles_beyond_a_whole_turn_are_noted(tmp_path: Path) -> None:
+    """With file, line, how many, and the cure; a full circle is none."""
+    assert plain.read(folder(tmp_path / "a", landmarks="stamp,landmark,range,bearing\n0,7,2,6.28\n")).notes == ()
+    (note,) = plain.read(folder(tmp_path / "b", landmarks="stamp,landmark,range,bearing\n0,7,2,1\n1,7,2,45\n")).notes
+    assert "landmarks.csv, line 3, field 'bearing': found 45" in note and "1 of 2 rows" in note and "pi / 180" in note
+
+
+@pytest.mark.parametrize(
+    ("stamp", "unit"), [("1.7e18", "nanoseconds"), ("1.7e15", "microseconds"), ("1.7e12", "milliseconds")]
+)
+def test_stamps_in_parts_of_seconds_are_told(tmp_path: Path, stamp: str, unit: str) -> None:
+    """Those of today's clocks are known by their size."""
+    with pytest.raises(InputError, match=f"looks like {unit} since 1970; divide all times by"):
+        plain.read(folder(tmp_path, landmarks=f"stamp,landmark,range,bearing\n{stamp},7,2,0.5\n"))
+
+
+def test_a_file_in_two_logs_is_refused(tmp_path: Path) -> None:
+    """Its rows would count twice."""
+    again = TEAM + '[[log]]\nfile = "./landmarks.csv"\nmodel = "range_bearing"\nrobot = "red"\nsigma = [0.1, 0.02]\n'
+    with pytest.raises(InputError, match="stands in another"):
+        plain.read(folder(tmp_path, team=again))
+
+
+def test_a_truth_at_other_times_is_noted(tmp_path: Path) -> None:
+    """With both spans."""
+    team = TEAM + '[truth]\nrobots = "truth.csv"\n'
+    log = plain.read(folder(tmp_path, team=team, truth="robot,stamp,x,y,theta\nred,1000,0,0,0\nred,1001,1,0,0\n"))
+    assert (
+        "truth.csv: robot red is at 1000.000 to 1001.000 s here, and its poses are at 0.000 to 2.000 s" in log.notes[0]
+    )

@@ -83,12 +83,44 @@ def read_values(csv: Csv, model: str, dim: int) -> Array:
     if MODELS[model].targets_pose:
         return pack(read_poses(csv, dim))
     numbers = csv.numbers(*value_columns(model, dim))
+    if model in ("range", "range_bearing"):
+        _check_ranges(csv, numbers[:, 0])
     if dim == 3 and model in ("bearing", "range_bearing"):
         azimuth, elevation = numbers[:, -2], numbers[:, -1]
         flat = np.cos(elevation)
         unit = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], -1)
         return np.concatenate([numbers[:, :-2], unit], -1)
     return numbers
+
+
+def notes_of_angles(csv: Csv, model: str, dim: int) -> list[str]:
+    """Words on angles beyond a whole turn, which nobody measures in radians; none for absolute headings, which may
+    count turns."""
+    notes = []
+    measured = () if MODELS[model].unary else value_columns(model, dim)
+    for name in (name for name in ("theta", "bearing", "azimuth", "elevation") if name in measured):
+        found = csv.numbers(name)[:, 0]
+        beyond = np.flatnonzero(np.abs(found) > 2.0 * np.pi)
+        if len(beyond):
+            first = int(beyond[0])
+            notes.append(
+                f"{csv.path}, line {int(csv.lines[first])}, field '{name}': found {found[first]:g}, more than a whole "
+                f"turn, as {len(beyond)} of {len(found)} rows; expected radians: if these are degrees, multiply with "
+                f"pi / 180"
+            )
+    return notes
+
+
+def _check_ranges(csv: Csv, ranges: Array) -> None:
+    """InputError for a distance that is none: many sensors write 0 or less where they saw nothing."""
+    bad = np.flatnonzero(ranges <= 0.0)
+    if len(bad):
+        raise csv.fail(
+            int(bad[0]),
+            f"a range is above 0, found {ranges[bad[0]]:g} ({len(bad)} of {len(ranges)} rows are 0 or less); "
+            f"leave such rows out",
+            "range",
+        )
 
 
 def write_values(table: Table) -> Array:
@@ -226,10 +258,22 @@ def ticks_of(csv: Csv, name: str, tick_s: float) -> IntArray:
     limit = float(1 << 51)
     bad = np.flatnonzero((seconds < 0.0) | (seconds / tick_s >= limit))
     if len(bad):
+        found = float(seconds[bad[0]])
         raise csv.fail(
-            int(bad[0]),
-            f"expected a time from 0 to {limit * tick_s:.3g} s, found {seconds[bad[0]]:g}; "
-            f"add an offset to all times, or count milliseconds as seconds / 1000",
-            name,
+            int(bad[0]), f"expected a time from 0 to {limit * tick_s:.3g} s, found {found:g}{_cure(found)}", name
         )
     return np.round(seconds / tick_s).astype(np.int64)
+
+
+SINCE_1970 = (3.2e8, 4.1e9)
+"""Seconds since 1970 of the years 1980 to 2100: what stamps of today's clocks lie between."""
+
+
+def _cure(stamp: float) -> str:
+    """What to try with a stamp that is no time in seconds."""
+    if stamp < 0.0:
+        return "; add an offset to all times"
+    for unit, parts in (("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)):
+        if SINCE_1970[0] * parts <= stamp <= SINCE_1970[1] * parts:
+            return f": it looks like {unit} since 1970; divide all times by {parts:g}"
+    return "; are these milliseconds or nanoseconds? Divide all times by 1e3 or 1e9"

@@ -16,16 +16,19 @@ from teamslam.io.plain.schema import Known, Team
 from teamslam.model import Dataset, Kind, Values, index_of, pose_key, pose_kind
 
 
-def read_known(folder: Path, known: Known, team: Team, roster: Roster, dataset: Dataset) -> Values | None:
+def read_known(
+    folder: Path, known: Known, team: Team, roster: Roster, dataset: Dataset, notes: list[str]
+) -> Values | None:
     """The values in files of robots and of landmarks; None where there are no files.
 
     In mode 'interpolate' they are those of the dataset's variables: robots' samples are interpolated to their keyframes
-    across at most `truth_gap_s`. In mode 'given' they are the rows as they stand.
+    across at most `truth_gap_s`. In mode 'given' they are the rows as they stand. Words on files whose stamps are not
+    the log's are added to `notes`.
     """
     parts = [
         part
         for name in _files(known.robots)
-        for part in _robots(read_csv(folder / name, words=NAMED), team, roster, dataset)
+        for part in _robots(read_csv(folder / name, words=NAMED), team, roster, dataset, notes)
     ] + [_landmarks(read_csv(folder / name, words=NAMED), team, roster, dataset) for name in _files(known.landmarks)]
     if not parts:
         return None
@@ -48,8 +51,10 @@ def _together(pieces: Sequence[tuple[IntArray, Pose | Array]]) -> tuple[IntArray
     return np.concatenate(keys), concatenate(poses) if poses else np.concatenate(data)
 
 
-def _robots(csv: Csv, team: Team, roster: Roster, dataset: Dataset) -> list[tuple[Kind, IntArray, Pose]]:
-    """Poses of robots, those of each robot by themselves."""
+def _robots(
+    csv: Csv, team: Team, roster: Roster, dataset: Dataset, notes: list[str]
+) -> list[tuple[Kind, IntArray, Pose]]:
+    """Poses of robots, those of each robot by themselves; `notes` hears of robots at other times."""
     kind = kind_of(csv, poses_only=True)
     csv.refuse_others(["robot", "stamp", *POSE[kind.dim]])
     robots, ticks, poses = roster.robots(csv, "robot"), ticks_of(csv, "stamp", team.tick_s), read_poses(csv, kind.dim)
@@ -69,7 +74,15 @@ def _robots(csv: Csv, team: Team, roster: Roster, dataset: Dataset) -> list[tupl
         if team.keyframes == "interpolate":
             keys = dataset.pose_keys[robot]
             gap = round(team.truth_gap_s / team.tick_s)
+            span = ticks[rows[[0, -1]]] * team.tick_s
             samples, good = interpolate(ticks[rows], samples, index_of(keys), gap)
+            if len(keys) and not good.any():
+                poses_s = dataset.names.stamps_s(keys[[0, -1]])
+                notes.append(
+                    f"{csv.path}: robot {roster.names.robot(robot)} is at {span[0]:.3f} to {span[1]:.3f} s here, and "
+                    f"its poses are at {poses_s[0]:.3f} to {poses_s[1]:.3f} s: nothing here is of use; do both clocks "
+                    f"count from one zero, and are rows at most truth_gap_s apart?"
+                )
             keys, samples = keys[good], samples[np.flatnonzero(good)]
         out.append((pose_kind(dim), keys, samples))
     return out

@@ -19,6 +19,7 @@ from teamslam.io.plain.columns import (
     dim_of,
     information_columns,
     noise_columns,
+    notes_of_angles,
     read_noise,
     read_poses,
     read_values,
@@ -51,15 +52,15 @@ def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
     folder = Path(path)
     team = read_team(folder)
     roster = Roster(folder, team)
-    tables, streams = _read_logs(folder, team, roster)
+    tables, streams, notes = _read_logs(folder, team, roster)
     dropped: list[Dropped] = []
     if team.keyframes == "interpolate":
         tables, dropped = _interpolated(folder, team, roster, tables, streams)
     dropped += [Dropped(left.count, left.reason) for left in team.dropped]
     dataset = Dataset(roster.dims, tuple(tables), roster.names, dropped=tuple(dropped), origin=str(folder))
-    truth = read_known(folder, team.truth, team, roster, dataset)
-    initial = read_known(folder, team.initial, team, roster, dataset)
-    return replace(dataset, truth=truth, initial=initial, names=roster.names)
+    truth = read_known(folder, team.truth, team, roster, dataset, notes)
+    initial = read_known(folder, team.initial, team, roster, dataset, notes)
+    return replace(dataset, truth=truth, initial=initial, names=roster.names, notes=tuple(notes))
 
 
 def _interpolated(
@@ -82,10 +83,11 @@ def _interpolated(
 # --- one CSV file -------------------------------------------------------------------------------------------------
 
 
-def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], list[Stream]]:
-    """Every [[log]] as tables and streams, one for each robot that it speaks of."""
+def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], list[Stream], list[str]]:
+    """Every [[log]] as tables and streams, one for each robot that it speaks of, and words on what is odd in them."""
     tables: list[Table] = []
     streams: list[Stream] = []
+    notes: list[str] = []
     taken: dict[tuple[int, str], int] = {}  # rows so far of each robot's log of each source
     for place, log in enumerate(team.log):
         csv = read_csv(folder / log.file, words=NAMED)
@@ -97,7 +99,8 @@ def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], l
             streams += _read_streams(csv, log, team, roster)
         else:
             tables += _read_tables(csv, log, team, roster, taken)
-    return tables, streams
+            notes += notes_of_angles(csv, log.model, tables[-1].dim) if len(csv) else []
+    return tables, streams, notes
 
 
 def _read_tables(csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tuple[int, str], int]) -> list[Table]:

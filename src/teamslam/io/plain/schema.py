@@ -180,6 +180,8 @@ def _check(team: Team, path: Path) -> None:
         raise fail("two names have one number; give each its own", "landmarks")
     for k, log in enumerate(team.log):
         place = f"log[{k}] ({log.file})"
+        if Path(log.file) in (Path(earlier.file) for earlier in team.log[:k]):
+            raise fail("this file stands in another [[log]] already, and its rows would count twice", f"{place}.file")
         choice(log.model, (*MODELS, *STREAMS), f"{place}.model")
         choice(log.loss, LOSSES, f"{place}.loss")
         if not 0.0 < log.loss_scale < np.inf:

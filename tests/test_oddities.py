@@ -1,0 +1,123 @@
+"""Slips of the hand are told before anything is solved, each where it was planted, and none in logs without one."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import teamslam as ts
+from teamslam.geometry import Array, Pose
+from teamslam.model import Dataset, Names, Table, Values, index_of, is_landmark, pack, pose_key, robot_of
+from teamslam.model.sensors import pose_of
+from teamslam.oddities import oddities
+from teamslam.sim import Options, simulate
+
+SPACES = ("2d", "planar", "3d")
+REAL = (
+    "mrclam_1", "mrclam_6", "mrclam_7", "mrclam_9", "mrclam5a.pyfg", "plaza2.pyfg", "parking-garage.g2o",
+    "distributed_mapper_4robots", "islsjf_535",
+)  # fmt: skip
+
+
+def planted(log: Dataset, source: str, change: Callable[[Table], Array]) -> Dataset:
+    """A log with other values in the tables of a source."""
+    return log.with_tables(
+        replace(table, values=change(table)) if table.source == source else table for table in log.tables
+    )
+
+
+def longer(factor: float) -> Callable[[Table], Array]:
+    """All lengths of a table in another unit."""
+    return lambda t: t.values * np.where(np.arange(t.values.shape[1]) < t.dim, factor, 1.0)
+
+
+def turned_in_degrees(table: Table) -> Array:
+    """What is read where headings are written in degrees."""
+    steps = pose_of(table.values, 2).xytheta()
+    steps[:, 2] = np.degrees(steps[:, 2])
+    return pack(Pose.from_xytheta(steps))
+
+
+def bearings_in_degrees(table: Table) -> Array:
+    """The last number of each row in degrees."""
+    return np.concatenate([table.values[:, :-1], np.degrees(table.values[:, -1:])], -1)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_logs_have_none(data: Callable[[str], Path], name: str) -> None:
+    """No sensor of theirs was written in another unit, and no row twice."""
+    assert list(oddities(ts.read(data(name)))) == []
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_simulated_logs_have_none(space: str, seed: int) -> None:
+    """Nor do made-up worlds."""
+    assert list(oddities(simulate(Options(space=space, robots=2), seed))) == []
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize(
+    ("source", "called", "unit", "factor"),
+    [
+        ("odometry", "odometry", "millimetres", 1e3),
+        ("odometry", "odometry", "feet", 1.0 / 0.3048),
+        ("landmarks", "sightings of landmarks", "millimetres", 1e3),
+    ],
+)
+def test_lengths_in_another_unit_are_told(space: str, source: str, called: str, unit: str, factor: float) -> None:
+    """Of each robot, and of the right sensor."""
+    log = planted(simulate(Options(space=space, robots=2), 6), source, longer(factor))
+    found = list(oddities(log))
+    assert len(found) == 2
+    assert all(f"robot {n}, " in text and f"{called}: lengths are in {unit}" in text for n, text in enumerate(found, 1))
+
+
+def test_units_of_a_real_log_are_told(data: Callable[[str], Path]) -> None:
+    """Millimetres in odometry, degrees in bearings."""
+    log = ts.read(data("mrclam_9"))
+    found = list(oddities(planted(log, "odometry", longer(1e3))))
+    assert found and all("odometry: lengths are in millimetres" in text for text in found)
+    found = list(oddities(planted(log, "landmarks", bearings_in_degrees)))
+    assert found and all("sightings of landmarks: angles are in degrees" in text for text in found)
+
+
+def test_turns_in_degrees_are_told() -> None:
+    """Though only their remainder by whole turns is left."""
+    found = list(oddities(planted(simulate(Options(space="2d", robots=2), 7), "odometry", turned_in_degrees)))
+    assert len(found) == 2 and all("odometry: turns are in degrees" in text for text in found)
+
+
+def test_landmarks_whose_names_are_one_number() -> None:
+    """`1.0` beside `1`."""
+    log = simulate(Options(space="2d", robots=2), 8)
+    a, b = log.landmark_keys[:2].tolist()
+    found = list(oddities(replace(log, names=Names(landmarks={a: "1", b: "1.0"}, tick_s=log.names.tick_s))))
+    assert found[0].startswith("landmarks '1' and '1.0' are one number")
+
+
+def test_rows_in_two_logs() -> None:
+    """A file under two names, and one robot's file given to another."""
+    log = simulate(Options(space="2d", robots=2), 9)
+    seen = next(t for t in log.tables if t.robot == 1 and t.source == "landmarks")
+    twice = list(oddities(log.with_tables([*log.tables, replace(seen, source="camera")])))
+    assert f"robot 1: {len(seen)} rows stand in the log of 'landmarks' and of 'camera' twice" in twice[0]
+    keys = np.where(is_landmark(seen.keys), seen.keys, pose_key(2, index_of(seen.keys)))
+    others = [t for t in log.tables if (t.robot, t.source) != (2, "landmarks")]
+    given = list(oddities(log.with_tables([*others, replace(seen, robot=2, keys=keys)])))
+    assert any("robots 1 and 2" in text and "given to two robots" in text for text in given)
+
+
+def test_a_truth_at_other_times() -> None:
+    """It knows the robot, and none of its poses."""
+    log = simulate(Options(space="2d", robots=2), 10)
+    assert log.truth is not None
+    parts = []
+    for kind, keys, values in log.truth.parts():
+        late = (keys >= 0) & ~is_landmark(keys) & (robot_of(keys) == 1)
+        parts.append(Values.of({kind: (np.where(late, keys + 1_000_000_000, keys), values)}))
+    truth = parts[0] if len(parts) == 1 else parts[0].update(parts[1])
+    found = list(oddities(replace(log, truth=truth)))
+    assert len(found) == 1 and "robot 1: the truth lies at" in found[0] and "cannot be scored" in found[0]
