@@ -81,7 +81,7 @@ def test_units_of_a_real_log_are_told(data: Callable[[str], Path]) -> None:
     found = list(oddities(planted(log, "odometry", longer(1e3))))
     assert found and all("odometry: lengths are in millimetres" in text for text in found)
     found = list(oddities(planted(log, "landmarks", bearings_in_degrees)))
-    assert found and all("sightings of landmarks: angles are in degrees" in text for text in found)
+    assert found and all("sightings of landmarks: angles are in degrees, as far" in text for text in found)
 
 
 def test_turns_in_degrees_are_told() -> None:

@@ -24,7 +24,8 @@ GOOD = 2.0  # and as it is meant
 NEAR = 1.0  # another unit that closes within this, or NEXT times as well, leaves it open
 NEXT = 4.0
 ODOMETRY = "odometry"
-KNOWN = ("millimetres", "centimetres", "feet", "degrees")
+DEGREES = "degrees"
+KNOWN = ("millimetres", "centimetres", "feet", DEGREES)
 
 
 def units_that_do_not_fit(log: Dataset, robot: int) -> Iterator[str]:
@@ -38,8 +39,10 @@ def units_that_do_not_fit(log: Dataset, robot: int) -> Iterator[str]:
     if not ranked or ranked[0][0] > GOOD:
         return
     after = ranked[0][0]
-    near = dict.fromkeys(f"{sensor}: {looks}" for off, sensor, looks in ranked if off <= max(NEAR, NEXT * after))
-    said = ", or ".join(near)
+    near = [(sensor, looks) for off, sensor, looks in ranked if off <= max(NEAR, NEXT * after)]
+    # Lengths taken for shorter ones hide angles that are wrong; angles hide no lengths.
+    near = [found for found in near if DEGREES in found[1]] or near
+    said = ", or ".join(dict.fromkeys(f"{sensor}: {looks}" for sensor, looks in near))
     yield (
         f"robot {log.names.robot(robot)}, {said}, as far as two looks at a landmark and the odometry between them tell "
         f"(they disagree by {np.sqrt(before):.2g} sigma, so read by {np.sqrt(after):.2g}); "
