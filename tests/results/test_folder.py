@@ -59,6 +59,20 @@ def test_plain_arrays_are_the_map(result: Result, tmp_path: Path) -> None:
         np.testing.assert_allclose(block, result.covariances[0].of(int(found["keys"][number])), rtol=1e-6, atol=1e-12)
 
 
+def test_plain_arrays_hold_every_component(tmp_path: Path) -> None:
+    """Robots that nothing joins have maps of their own, and none is lost; each with its own information."""
+    log = team("2d", robots=2, poses=6)
+    lone = run(log.with_tables(table for table in log.tables if table.source == "odometry"))
+    assert len(lone.joined.components) == 2
+    write_run(lone, tmp_path / "run", figures=False)
+    with np.load(tmp_path / "run" / "map.npz") as found:
+        assert found["parts"] == 2
+        for prefix, component in zip(("", "part_2_"), lone.joined.components, strict=True):
+            np.testing.assert_array_equal(found[prefix + "keys"], component.map.values.layout.keys)
+            np.testing.assert_array_equal(found[prefix + "state"], component.map.values.state)
+            assert found[prefix + "information_indptr"][-1] == len(found[prefix + "information_data"])
+
+
 def test_one_tum_file_a_robot_with_eight_columns(result: Result, tmp_path: Path) -> None:
     """stamp x y z qx qy qz qw, as evo reads it."""
     write_run(result, tmp_path / "run", figures=False)

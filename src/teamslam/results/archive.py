@@ -1,4 +1,4 @@
-"""map.npz: the map of the first component as plain arrays, for anyone with numpy and nothing else.
+"""map.npz: the map as plain arrays, for anyone with numpy and nothing else.
 
 keys (n,)      robot << 51 | tick for a robot's pose, the number for a landmark
 robots (n,)    the robot of each variable, 0 for a landmark;   stamps_s (n,)  of poses [s], nan for landmarks
@@ -8,8 +8,11 @@ state          poses as T, then R row by row; points as they are; in the frame o
 base           the key of the pose that is the frame (not among keys); -1: the world
 information_data, information_indices, information_indptr      the information matrix over all unknowns, CSR:
                scipy.sparse.csr_array((data, indices, indptr)); its inverse is the covariance
+parts          how many maps there are. The arrays above are of the first; those of further ones, which cannot be joined
+               to it and have frames of their own, are called part_2_keys and so on
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +21,19 @@ from teamslam.io.files.npz import write_arrays
 from teamslam.model import Submap, is_pose, robot_of
 
 
-def write_archive(submap: Submap, path: Path) -> None:
-    """Write a map's arrays."""
+def write_archive(maps: Sequence[Submap], path: Path) -> None:
+    """Write the arrays of all components."""
+    arrays: dict[str, np.ndarray] = {"parts": np.array(len(maps))}
+    for number, submap in enumerate(maps, 1):
+        prefix = "" if number == 1 else f"part_{number}_"
+        arrays |= {prefix + name: array for name, array in _arrays(submap).items()}
+    write_arrays(path, arrays)
+
+
+def _arrays(submap: Submap) -> dict[str, np.ndarray]:
     layout = submap.values.layout
     poses = is_pose(layout.keys)
-    arrays = {
+    return {
         "keys": layout.keys,
         "robots": robot_of(layout.keys),
         "stamps_s": np.where(poses, submap.names.stamps_s(layout.keys), np.nan),
@@ -35,4 +46,3 @@ def write_archive(submap: Submap, path: Path) -> None:
         "information_indices": submap.information.indices,
         "information_indptr": submap.information.indptr,
     }
-    write_arrays(path, arrays)

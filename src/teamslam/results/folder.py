@@ -3,7 +3,7 @@
 What is in it:
 
     maps/              the maps, one for each component, as teamslam.read_submaps opens them
-    map.npz            the map of the first component as plain numpy arrays (see `archive`)
+    map.npz            the maps of all components as plain numpy arrays (see `archive`)
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
     tum/               each robot's way, for evo and others
     figures/           the map with its ellipses and the truth, convergence, residuals, errors over time, consistency
@@ -171,7 +171,7 @@ def _write_tum(record: Record, folder: Path) -> None:
 
 FILES: dict[str, Callable[[Record, Path], object]] = {
     "maps": lambda record, path: write_submaps(record.maps, path),
-    "map.npz": lambda record, path: write_archive(record.maps[0], path),
+    "map.npz": lambda record, path: write_archive(record.maps, path),
     "trajectories.csv": write_trajectory_table,
     "landmarks.csv": write_landmarks,
     "team.csv": write_team,
