@@ -107,7 +107,8 @@ def started(submaps: list[Submap]) -> tuple[Values, np.ndarray]:
     ordered = in_order(submaps)
     (cluster,) = place(ordered).clusters
     members = [ordered[number] for number in cluster.members]
-    return anchor(start_values(Stack.of(members), cluster.frames), members[0], [])
+    start, fixed, _ = anchor(start_values(Stack.of(members), cluster.frames), members[0], [])
+    return start, fixed
 
 
 def solved(log: Dataset, start: Values, fixed: np.ndarray) -> tuple[int, float]:

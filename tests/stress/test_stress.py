@@ -15,7 +15,7 @@ from stress.known import KNOWN
 from stress.verdict import judge
 
 FIRST = 1_000_000  # of a block that nobody tunes on
-SMALL, MIDDLE, CHUNKS = 400, 8, 8  # logs, and tests that share them
+SMALL, MIDDLE, CHUNKS = 96, 4, 8  # logs, and tests that share them
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
