@@ -225,10 +225,14 @@ class _Placing:
         return None
 
     def _held(self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]) -> list[list[Pose]]:
-        """The frames of the assemblies that fit and are rigid; where none is, of those that the judge says are."""
+        """The frames of the assemblies that fit, where one of them is rigid: what fits better counts as well, though a
+        direction seems loose there, for the join decides by cost. Where none is rigid, of those that the judge says
+        are."""
         frames = [in_their_dimension(a.frames, flat) for a in found]
-        rigid = [f for f, a in zip(frames, found, strict=True) if a.fits and not a.nullity]
-        return rigid or self._by_judge(bodies, frames[:JUDGED])
+        rigid = [n for n, a in enumerate(found) if a.fits and not a.nullity]
+        if not rigid:
+            return self._by_judge(bodies, frames[:JUDGED])
+        return [frames[n] for n, a in enumerate(found) if n in rigid or (a.fits and n < rigid[0])]
 
     def _by_judge(self, bodies: Sequence[_Body], assemblies: Sequence[list[Pose]]) -> list[list[Pose]]:
         """The frames of the assemblies that the rows themselves fit and hold, refined by them."""
