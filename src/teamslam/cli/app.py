@@ -36,7 +36,8 @@ teamslam run MRCLAM_Dataset6 --out map   # map, covariances, errors, figures
 
 Every command explains itself, with examples: `teamslam run --help`.
 
-Exit codes: 0 done; 1 not converged, in parts, or something left out; 2 bad input or usage; 130 interrupted.
+Exit codes: 0 done; 1 not converged, in parts, or something left out; 2 bad input or usage; 3 a map that its
+measurements contradict; 130 interrupted.
 """
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])

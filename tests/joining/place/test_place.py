@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from joining.place.trusses import assemblies, freedom
 from strategies import dims, generators, random_poses
 from teamslam.geometry import Array, Pose
 from teamslam.joining import build, exact_join, full, join, split
-from teamslam.joining.place.frameworks import assemblies, freedom
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.place import Cluster, place
 from teamslam.joining.place.robust_fit import HINGE, link

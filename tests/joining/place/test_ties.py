@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from joining.place.trusses import assemblies, truss_of
 from strategies import dims, generators, random_poses
 from teamslam.geometry import Array, Pose, so3
 from teamslam.joining import build, exact_join, full, join, split
-from teamslam.joining.place.frameworks import Truss, assemblies
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.place import place
 from teamslam.joining.place.ties import MOST, Tied, turned_about
@@ -94,7 +94,7 @@ def test_a_robot_that_stood_still_may_have_looked_anywhere(rng: np.random.Genera
     seen = np.linalg.norm(bodies[0].places[:, :2] - rng.normal(scale=3.0, size=2), axis=-1)
     heard = [replace(table, values=seen[:, None])]
     assert seen_in_common([bodies[0], still], heard, 2) == []
-    assert Truss.of([bodies[0], still], [True, True], heard).freedoms().tolist() == [[0, 1], [1, 0]]
+    assert truss_of([bodies[0], still], [True, True], heard).freedoms().tolist() == [[0, 1], [1, 0]]
 
 
 def test_straight_ways_have_a_mirror_image() -> None:
@@ -112,7 +112,7 @@ def test_straight_ways_have_a_mirror_image() -> None:
 
 def test_very_many_rows_are_thinned_evenly() -> None:
     bodies, tables = two_ways(np.random.default_rng(0), 2, Pose.identity(2), n=5 * MOST)
-    (tie,) = Truss.of(bodies, [True, True], tables).tied.ties
+    (tie,) = truss_of(bodies, [True, True], tables).tied.ties
     assert len(tie) == MOST
     assert np.abs(np.diff(tie.table.ids) - 5).max() <= 1
 

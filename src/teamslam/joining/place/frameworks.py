@@ -9,16 +9,15 @@ without robust weights, must hold every direction by HINGE at least; how many it
 not be held is the world and landmarks that are bodies: they are eliminated.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from teamslam.geometry import Array, IntArray, Pose, so3
-from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.robust_fit import HINGE, PLACE_SIGMA
-from teamslam.joining.place.ties import FLAT, Tied, turned_about
-from teamslam.model import Table, chi2_quantile
+from teamslam.joining.place.ties import Tied, turned_about
+from teamslam.model import chi2_quantile
 
 STARTS = 32  # a triangle falls into one of its two assemblies from nearly all of them
 FEW = 6  # starts where only what is open is asked
@@ -49,11 +48,6 @@ class Truss:
     """Bodies and all that holds them together."""
 
     tied: Tied
-
-    @classmethod
-    def of(cls, outlines: Sequence[Outline], flat: Sequence[bool], raw: Iterable[Table] = ()) -> "Truss":
-        """The truss of some bodies; as `Tied.of`, with the rows between all of them."""
-        return cls(Tied.of(outlines, flat, raw).among(range(len(outlines))))
 
     def assemblies(self) -> list[Assembly]:
         """Where the rows' cost has a minimum, by cost; mirror images and other ways to put the bodies together."""
@@ -220,29 +214,10 @@ class Truss:
         return int((np.abs(rows[0]).max(1, initial=0.0) > 1e-9).sum())
 
 
-def assemblies(outlines: Sequence[Outline], flat: Sequence[bool], raw: Iterable[Table] = ()) -> list[list[Pose]]:
-    """The bodies' frames in every assembly that fits and is rigid, best fit first; the first frame is the identity.
-
-    Empty where there is none: the bodies can move against each other, or do not fit.
-    """
-    truss = Truss.of(outlines, flat, raw)
-    if not truss.may_be_rigid():
-        return []
-    return [in_their_dimension(a.frames, flat) for a in truss.assemblies() if a.fits and not a.nullity]
-
-
 def in_their_dimension(frames: Pose, flat: Sequence[bool]) -> list[Pose]:
     """Frames (n,) in space as poses, of bodies in the plane as planar ones."""
     dims = [2 if planar else 3 for planar in flat]
     return [Pose(frames.rotation[n, :d, :d], frames.translation[n, :d]) for n, d in enumerate(dims)]
-
-
-def freedom(shared: Outline, planar: bool) -> int:
-    """In how many directions a body that is pinned at these places can still move (its nullity): in the plane 1 at one
-    landmark; in space 3 at one, 1 at several in line."""
-    truss = Truss.of([shared, shared], [planar] * 2)
-    still = Pose.identity(3, (2,))
-    return truss._nullity(still) if truss.tied.ties else int((FLAT if planar else np.ones(6, bool)).sum())
 
 
 def _moved(frames: Pose, twists: Array) -> Pose:

@@ -20,7 +20,7 @@ from teamslam.trust.causes.clocks import earlier, offset
 from teamslam.trust.causes.pairs import misfit, pairs_of, way_of
 from teamslam.trust.causes.slips import slips, without
 from teamslam.trust.causes.trial import Trial
-from teamslam.trust.causes.turns import turns_in_degrees
+from teamslam.trust.causes.turns import with_turns_in_radians
 
 POSES = 80  # of a stretch
 STRETCHES = 4  # that are looked at
@@ -119,10 +119,11 @@ def suspects(as_it_is: Trial, robot: int) -> Iterator[Mistake]:
     piece = as_it_is.log
     found = sorted(_of_tables(piece, robot), key=lambda mistake: closing(mistake.mend(piece), robot))
     yield from found[:TRIED]
-    odometry = [table for table in piece.tables if table.source == "odometry"]
-    if any(turns_in_degrees(piece, robot, table) for table in odometry):
-        unit = sum(map(len, odometry)) * float(np.log(np.pi / 180.0))
-        yield Mistake((robot,), "odometry", "degrees", "turns are in degrees", partial(_in_radians, robot), unit)
+    meant = with_turns_in_radians(piece, robot).tables
+    if turned := [new for new, old in zip(meant, piece.tables, strict=True) if new is not old]:
+        unit = sum(map(len, turned)) * float(np.log(np.pi / 180.0))
+        change = partial(with_turns_in_radians, robot=robot)
+        yield Mistake((robot,), "odometry", "degrees", "turns are in degrees", change, unit)
     try:
         ticks = offset(piece, robot, lambda log: closing(log, robot))
     except TeamslamError:
@@ -161,17 +162,6 @@ def slip_of(name: str, robots: tuple[int, ...], tables: Sequence[Table]) -> Mist
 
     unit = sum(rows * slip.unit for rows, slip in found)
     return Mistake(robots, source, first.kind, first.looks, mend, unit, first.changes)
-
-
-def _in_radians(robot: int, log: Dataset) -> Dataset:
-    """A log with the turns of a robot's odometry as they were meant, where they are in degrees."""
-    mine = own(log, robot)
-
-    def meant(table: Table) -> Table:
-        is_odometry = table.robot == robot and table.source == "odometry"
-        return (turns_in_degrees(mine, robot, table) if is_odometry else None) or table
-
-    return log.with_tables(map(meant, log.tables))
 
 
 def likeliest(before: float, due: float, tried: Sequence[tuple[Mistake, Trial]]) -> Found | None:

@@ -44,6 +44,18 @@ def turns_in_degrees(piece: Dataset, robot: int, odometry: Table) -> Table | Non
     )
 
 
+def with_turns_in_radians(log: Dataset, robot: int) -> Dataset:
+    """A log with the turns of a robot's odometry as they were meant, where they are in degrees; other tables, and turns
+    that are right or that nobody saw, are the same objects."""
+    mine = log.of_robot(robot)
+
+    def meant(table: Table) -> Table:
+        is_odometry = table.robot == robot and table.source == "odometry" and table.model == "relative_pose"
+        return (turns_in_degrees(mine, robot, table) if is_odometry else None) or table
+
+    return log.with_tables(map(meant, log.tables))
+
+
 def _turns_seen(piece: Dataset, robot: int, odometry: Table, steps: Pose) -> tuple[Array, BoolArray]:
     """How far the robot turned about the vertical at each step (m,), by the landmarks seen from both its ends, and
     where they tell (m,)."""

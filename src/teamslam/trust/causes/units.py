@@ -12,11 +12,11 @@ import numpy as np
 
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array
-from teamslam.model import Dataset, Table
+from teamslam.model import Dataset
 from teamslam.trust.cause import rows_called
 from teamslam.trust.causes.pairs import misfit, pairs_of, way_of
 from teamslam.trust.causes.slips import TOO, slips, without
-from teamslam.trust.causes.turns import turns_in_degrees
+from teamslam.trust.causes.turns import with_turns_in_radians
 
 FEWEST = 20  # triangles
 BAD = 12.0  # of the median of a sensor's triangles as it is written; logs without a mistake have 1 or less
@@ -61,17 +61,11 @@ def _tried(log: Dataset, robot: int) -> Iterator[tuple[float, str, str]]:
                 )
                 if (after := _closing(meant, robot)) is not None:
                     yield after, "odometry" if source == ODOMETRY else rows_called(source), slip.looks
-    turned = [_in_radians(log, robot, t) for t in log.tables]
-    if all(new is old for new, old in zip(turned, log.tables, strict=True)):
+    turned = with_turns_in_radians(log, robot)
+    if all(new is old for new, old in zip(turned.tables, log.tables, strict=True)):
         return
-    if (after := _closing(log.with_tables(turned), robot)) is not None:
+    if (after := _closing(turned, robot)) is not None:
         yield after, "odometry", "turns are in degrees"
-
-
-def _in_radians(log: Dataset, robot: int, table: Table) -> Table:
-    if table.source != ODOMETRY or table.model != "relative_pose":
-        return table
-    return turns_in_degrees(log, robot, table) or table
 
 
 def _closing(log: Dataset, robot: int) -> float | None:
