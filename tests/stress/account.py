@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from stress.claims import is_true, weak
+from stress.claims import is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.oracle import Oracle, TooLarge, spoken_of
 from teamslam.geometry import Array
-from teamslam.model import Dataset, LeftOut, Table, is_pose, robot_of
+from teamslam.model import WORLD, Dataset, LeftOut, Table, is_pose, robot_of
 
 IN_LINE = 0.2  # of their spread along it: places so near a line that ranges from them may leave the side open
 LITTLE = 0.1  # [sigmas]: a submap that stopped farther from its optimum is not to be used
@@ -100,7 +100,16 @@ def _observer(one: int, key: int) -> tuple[int, int]:
 
 
 def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
-    """None of them speaks of one map's variables alone."""
+    """None of them speaks of one map's variables alone; or they are of the world, in which that map is free to turn."""
+    if all(t.row.unary for t in rows):
+        keys = spoken_of(rows)
+        for component in outcome.components:
+            poses = component.map.all_values.layout.keys
+            poses = poses[is_pose(poses) & (robot_of(poses) > 0)]
+            if np.isin(keys, component.map.all_values.layout.keys).any():
+                free = component.map.base != WORLD and turns_in_the_world(oracle, int(poses[0]))
+                findings.check("left out: rows of a world that a map is free to turn in", free, lost)
+        return
     held = [set(c.map.keys.tolist()) for c in outcome.components]
     inside = [row for t in rows for row in t.keys.tolist() if any(set(row) <= keys for keys in held)]
     findings.check("left out: rows that no one map could hold", not inside, f"{lost.what}: {len(inside)} rows")

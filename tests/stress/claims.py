@@ -164,15 +164,16 @@ def _stands_alone(saying: Saying) -> bool:
 
 def _world_open(saying: Saying) -> bool:
     """Turning the whole map about costs nothing, or little."""
-    oracle = saying.oracle
-    for own in oracle.robots.values():
-        unknowns = oracle.truth.layout.unknowns(own[:1])
-        dim = 2 if len(unknowns) == 3 else 3
-        relation = np.zeros((len(unknowns) - dim, oracle.truth.layout.dof))
-        relation[np.arange(len(unknowns) - dim), unknowns[dim:]] = 1.0
-        if oracle.freedom(relation) or (oracle.sigmas(relation) > WEAK_TURN).any():
-            return True
-    return False
+    return any(turns_in_the_world(saying.oracle, int(own[0])) for own in saying.oracle.robots.values())
+
+
+def turns_in_the_world(oracle: Oracle, pose: int) -> bool:
+    """Whether the orientation of a pose in the world is open, or held so loosely that nobody would call it known."""
+    unknowns = oracle.truth.layout.unknowns(np.array([pose]))
+    dim = 2 if len(unknowns) == 3 else 3
+    relation = np.zeros((len(unknowns) - dim, oracle.truth.layout.dof))
+    relation[np.arange(len(unknowns) - dim), unknowns[dim:]] = 1.0
+    return bool(oracle.freedom(relation) or (oracle.sigmas(relation) > WEAK_TURN).any())
 
 
 def _no_link(saying: Saying) -> bool:

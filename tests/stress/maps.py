@@ -40,9 +40,12 @@ def check_maps(outcome: Outcome, findings: Findings, *, fair: bool) -> None:
 
 
 def rows_of(submap: Submap, log: Dataset) -> Iterable[Table]:
-    """The rows of the log that a map says it holds, and whose variables it has."""
+    """The rows of the log that a map says it holds, and whose variables it has: what was measured in the world among
+    them only where the map is in the world's frame (see `account` for whether it should be)."""
     for table in log.tables:
         keep = np.zeros(len(table), bool)
+        if table.row.unary and submap.base != WORLD:
+            continue
         for stretch in submap.sources:
             if (stretch.robot, stretch.source) == (table.robot, table.source):
                 keep |= (table.ids >= stretch.start) & (table.ids < stretch.stop)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from joining.join.test_gauge import surveyed
 from stress.account import check_account
 from stress.drive import DRIVES, Outcome, go
 from stress.failure import Findings
@@ -84,6 +85,17 @@ def test_rows_that_one_map_could_hold_may_not_be_left_out(source: str) -> None:
     rows = [t for t in log.tables if t.source == source and t.robot == 1]
     lost = LeftOut("rows", source, np.zeros(0, np.int64), Sources.of(rows), sum(map(len, rows)), "they tie together")
     assert saying(mapped(log), lost) == {"left out: rows that no one map could hold"}
+
+
+@pytest.mark.parametrize(("every", "true"), [(100, True), (2, False)])
+def test_rows_of_the_world_are_left_out_where_they_leave_the_map_free_to_turn(every: int, true: bool) -> None:
+    """One position does; those of every other pose hold it, and a map without them says what is not so."""
+    log = surveyed(team("2d", robots=2, poses=6, landmarks=3, sees=1.0), every)
+    rows = [t for t in log.tables if t.row.unary]
+    lost = LeftOut("rows", "world", np.zeros(0, np.int64), Sources.of(rows), sum(map(len, rows)), "free to turn")
+    bare = log.with_tables(t for t in log.tables if not t.row.unary)
+    outcome = replace(mapped(bare), log=log)
+    assert saying(outcome, lost) == (set() if true else {"left out: rows of a world that a map is free to turn in"})
 
 
 def test_remarks_are_true() -> None:
