@@ -60,4 +60,4 @@ def paper(
         save(figure, out / f"{name}.png")
     say(str(found))
     say(f"\nwritten: {out}: {', '.join(f'{name}.png' for name in figures)}, tables.txt, tables.json")
-    return 1 if any(cell.failed for cell in found.cells) else 0
+    return 1 if found.missing or any(cell.failed for cell in found.cells) else 0

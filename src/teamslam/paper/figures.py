@@ -11,6 +11,7 @@ from teamslam.model import WORLD, Dataset, Names, Sources, Submap, Values
 from teamslam.paper.reproduction import Reproduction
 from teamslam.results.errors import truth_by_team
 from teamslam.results.record import robot_sightings
+from teamslam.sim import simulate
 from teamslam.solver import Covariances
 from teamslam.viz import Scene, draw_convergence, draw_map, draw_maps
 from teamslam.viz.style import METHOD_NAMES
@@ -20,23 +21,21 @@ if TYPE_CHECKING:
 
 
 def figures_of_paper(found: Reproduction) -> "dict[str, Figure]":
-    """New figures by name; nothing is saved."""
-    world = next(iter(found.examples.values())).dataset
-    return {
-        "figure_2": draw_map(world_scene(world)),
-        "figure_3": draw_convergence(
+    """New figures by name; nothing is saved. Figures 3 and 4 are left out where no run gives what they draw."""
+    figures = {"figure_2": draw_map(world_scene(simulate(found.cells[-1].options)))}
+    if any(found.convergence.values()):
+        figures["figure_3"] = draw_convergence(
             {METHOD_NAMES[method]: costs for method, costs in found.convergence.items()},
             title="Figure 3: the objective at each iteration, by noise level",
-        ),
-        "figure_4": draw_maps(
-            {
-                f"{scenario.capitalize()} sightings, {METHOD_NAMES[method]}": result_scene(run.dataset, joined, method)
-                for scenario, run in found.examples.items()
-                for method, joined in (("full", run.full), ("join", run.joined))
-            },
-            title="Figure 4: estimates at the highest noise",
-        ),
-    }
+        )
+    if found.examples:
+        scenes = {
+            f"{scenario.capitalize()} sightings, {METHOD_NAMES[method]}": result_scene(run.dataset, joined, method)
+            for scenario, run in found.examples.items()
+            for method, joined in (("full", run.full), ("join", run.joined))
+        }
+        figures["figure_4"] = draw_maps(scenes, title="Figure 4: estimates at the highest noise")
+    return figures
 
 
 def world_scene(dataset: Dataset) -> Scene:

@@ -9,6 +9,7 @@ The paper's figures stand beside ours, and cannot be matched: see CAVEATS. What 
 loses against full least squares, and both against the Cramer-Rao bound.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -88,19 +89,32 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One cell of the tables over `runs` runs, of which `failed` gave no joined, converged map and are left out.
+class Comparison:
+    """Both methods over the same runs; `ratio`: RMSE of the state, joining over full least squares, run by run."""
 
-    `ratio`: RMSE of the state, joining over full least squares, run by run. `bound`: Cramer-Rao, at the truth.
+    full: Method
+    join: Method
+    ratio: Spread
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of the tables over `runs` runs.
+
+    `failures`: how many runs gave no joined, converged map, by reason; they are left out. `found`: of the other runs;
+    None where there is none. `bound`: Cramer-Rao, at the truth.
     """
 
     options: PaperOptions
     runs: int
-    failed: int
-    full: Method
-    join: Method
-    ratio: Spread
+    failures: dict[str, int]
+    found: Comparison | None
     bound: PerNumber
+
+    @property
+    def failed(self) -> int:
+        """How many runs are left out."""
+        return sum(self.failures.values())
 
     @property
     def printed(self) -> tuple[PerNumber, PerNumber]:
@@ -109,8 +123,8 @@ class Cell:
 
     @property
     def holds(self) -> bool:
-        """Whether the median ratio is where it is expected."""
-        return RATIO_BAND[0] <= round(self.ratio.median, 2) <= RATIO_BAND[1]
+        """Whether the median ratio is where it is expected; not where no run has one."""
+        return self.found is not None and RATIO_BAND[0] <= round(self.found.ratio.median, 2) <= RATIO_BAND[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +138,17 @@ class Example:
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """All that the figures and tables need. `convergence[method][noise]`: the objective before the first step and after
-    each step taken (Figure 3); `examples` by scenario, at the highest noise (Figure 4)."""
+    """All that the figures and tables need.
+
+    `convergence[method][noise]`: the objective before the first step and after each step taken (Figure 3); `examples`
+    by scenario, at the highest noise (Figure 4): the first run that gives a map. `missing`: what has no such run, with
+    the reason.
+    """
 
     cells: tuple[Cell, ...]
     convergence: dict[str, dict[str, list[float]]]
     examples: dict[str, Example]
+    missing: dict[str, str]
 
     @property
     def holds(self) -> bool:
@@ -139,10 +158,12 @@ class Reproduction:
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON; examples are left out."""
         cells = [asdict(c) | {"printed": [asdict(p) for p in c.printed], "holds": c.holds} for c in self.cells]
-        return {"cells": cells, "holds": self.holds, "convergence": self.convergence, "caveats": CAVEATS}
+        curves = {"convergence": self.convergence, "missing": self.missing}
+        return {"cells": cells, "holds": self.holds, **curves, "caveats": CAVEATS}
 
     def __str__(self) -> str:
-        return "\n".join([*(line for cell in self.cells for line in _lines(cell)), "", CAVEATS])
+        missing = [f"missing: {what}: {reason}" for what, reason in self.missing.items()]
+        return "\n".join([*(line for cell in self.cells for line in _lines(cell)), "", *missing, CAVEATS])
 
 
 def reproduce(
@@ -163,28 +184,21 @@ def reproduce(
     tell("Tables 1 and 2", len(problems), len(problems))
     sufficient = [PaperOptions("sufficient", poses[-1], *noise) for noise in NOISE_LEVELS]
     noisiest = {s: PaperOptions(s, poses[-1], *NOISE_LEVELS[-1]) for s in SCENARIOS}
-    return Reproduction(
-        tuple(cells),
-        convergence(sufficient, seed),
-        {scenario: example(options, seed) for scenario, options in noisiest.items()},
-    )
+    costs, uncosted = convergence(sufficient, seed)
+    examples, unmapped = _examples(noisiest, range(seed, seed + runs))
+    return Reproduction(tuple(cells), costs, examples, uncosted | unmapped)
 
 
 def run_cell(options: PaperOptions, runs: int, seed: int) -> Cell:
-    """One cell of the tables. Raises SolveError where no run gives a map."""
-    outcomes = [o for k in range(runs) if (o := _run(options, seed + k)) is not None]
-    if not outcomes:
-        raise SolveError(f"none of {runs} runs gave a joined map; try more runs or another seed")
-    fulls, joins = zip(*outcomes, strict=True)
-    return Cell(
-        options=options,
-        runs=runs,
-        failed=runs - len(outcomes),
-        full=_method(fulls),
-        join=_method(joins),
-        ratio=Spread.of([j.state / f.state for f, j in outcomes]),
-        bound=cramer_rao(simulate(options, seed)).per_number,
-    )
+    """One cell of the tables; runs that give no map are counted by their reason."""
+    failures: Counter[str] = Counter()
+    outcomes = []
+    for k in range(runs):
+        try:
+            outcomes.append(_run(options, seed + k))
+        except SolveError as error:
+            failures[str(error)] += 1
+    return Cell(options, runs, dict(failures), _comparison(outcomes), cramer_rao(simulate(options, seed)).per_number)
 
 
 @dataclass(frozen=True)
@@ -195,24 +209,39 @@ class _Errors:
     nees_per_dof: float
 
 
-def _run(options: PaperOptions, seed: int) -> tuple[_Errors, _Errors] | None:
-    """The errors of full least squares and of joining in one run; None where a map was not reached."""
-    try:
-        found = example(options, seed)
-    except SolveError:
-        return None
-    if not all(len(x.components) == 1 and x.converged for x in (found.joined, found.full)):
-        return None
+def _run(options: PaperOptions, seed: int) -> tuple[_Errors, _Errors]:
+    """The errors of full least squares and of joining in one run. Raises SolveError where a map was not reached."""
+    found = example(options, seed)
     truth = found.dataset.truth
     assert truth is not None
     return _errors(found.full.map, truth), _errors(found.joined.map, truth)
 
 
 def example(options: PaperOptions, seed: int) -> Example:
-    """One run: the same data by joining and by full least squares."""
+    """One run: the same data by joining and by full least squares. Raises SolveError where either gives no one map."""
     dataset = simulate(options, seed)
     joined = join((build(piece, options=PATIENT) for piece in split(dataset)), options=PATIENT)
-    return Example(dataset, joined, full(dataset, initial=joined, options=PATIENT))
+    found = Example(dataset, joined, full(dataset, initial=joined, options=PATIENT))
+    for name, method in (("joining", joined), ("full least squares", found.full)):
+        if len(method.components) != 1:
+            raise SolveError(f"{name} gave {len(method.components)} maps that nothing ties together")
+        if not method.converged:
+            raise SolveError(f"{name} did not converge")
+    return found
+
+
+def _examples(problems: dict[str, PaperOptions], seeds: Sequence[int]) -> tuple[dict[str, Example], dict[str, str]]:
+    """Of each problem the first run that gives a map; of those where none does, why the last did not."""
+    examples: dict[str, Example] = {}
+    missing: dict[str, str] = {}
+    for name, options in problems.items():
+        for seed in seeds:
+            try:
+                examples[name] = example(options, seed)
+                break
+            except SolveError as error:
+                missing[name] = str(error)
+    return examples, {f"Figure 4, {name}": why for name, why in missing.items() if name not in examples}
 
 
 def _errors(submap: Submap, truth: Values) -> _Errors:
@@ -220,6 +249,13 @@ def _errors(submap: Submap, truth: Values) -> _Errors:
     assert rmse is not None and nees is not None
     assert rmse.state is not None and rmse.robot_pose is not None and rmse.landmark is not None
     return _Errors(rmse.state, rmse.robot_pose, rmse.landmark, nees)
+
+
+def _comparison(outcomes: Sequence[tuple[_Errors, _Errors]]) -> Comparison | None:
+    if not outcomes:
+        return None
+    fulls, joins = zip(*outcomes, strict=True)
+    return Comparison(_method(fulls), _method(joins), Spread.of([j.state / f.state for f, j in outcomes]))
 
 
 def _method(errors: Sequence[_Errors]) -> Method:
@@ -231,15 +267,22 @@ def _method(errors: Sequence[_Errors]) -> Method:
 # --- Figure 3 ---------------------------------------------------------------------------------------------------------
 
 
-def convergence(problems: Sequence[PaperOptions], seed: int) -> dict[str, dict[str, list[float]]]:
-    """The objective of both methods at each step, from where each starts: nothing solved yet but closed forms."""
+def convergence(
+    problems: Sequence[PaperOptions], seed: int
+) -> tuple[dict[str, dict[str, list[float]]], dict[str, str]]:
+    """The objective of both methods at each step, from where each starts, nothing solved yet but closed forms; and what
+    has no such curve, with the reason."""
     costs: dict[str, dict[str, list[float]]] = {"full": {}, "join": {}}
+    missing = {}
     for options in problems:
         label = f"sigma_obs {options.sigma_observation:g}, sigma_odom {options.sigma_odometry:g}"
         dataset = simulate(options, seed)
-        costs["full"][label] = _full_from_scratch(dataset)
-        costs["join"][label] = _join_costs(dataset)
-    return costs
+        for method, cost in (("full", _full_from_scratch), ("join", _join_costs)):
+            try:
+                costs[method][label] = cost(dataset)
+            except SolveError as error:
+                missing[f"Figure 3, {method}, {label}"] = str(error)
+    return costs, missing
 
 
 def _join_costs(dataset: Dataset) -> list[float]:
@@ -277,24 +320,28 @@ def _lines(cell: Cell) -> Iterator[str]:
     yield (
         f"Table {1 + SCENARIOS.index(o.scenario)} ({o.scenario}), {o.poses} poses a robot, sigma_obs "
         f"{o.sigma_observation:g}, sigma_odom {o.sigma_odometry:g}: median [quartiles] of "
-        + (
-            f"{cell.runs - cell.failed} of {cell.runs} runs; the others gave no map"
-            if cell.failed
-            else f"{cell.runs} runs"
-        )
+        + (f"{cell.runs - cell.failed} of {cell.runs} runs" if cell.failed else f"{cell.runs} runs")
     )
+    yield from (f"  {count} without a map: {reason}" for reason, count in cell.failures.items())
     yield f"  {'RMSE':<16} {'state':<26} {'robot pose':<26} {'landmark':<26} NEES / dof"
-    methods = zip(("full NLLS", "submap joining"), (cell.full, cell.join), cell.printed, strict=True)
-    for name, method, paper in methods:
-        spreads = (method.state, method.robot_pose, method.landmark)
-        ours = " ".join(f"{s.median:.4f} [{s.quarter:.4f}, {s.three_quarters:.4f}]  " for s in spreads)
-        yield f"  {name:<16} {ours} {method.nees_per_dof.median:.2f}"
+    ours = (cell.found.full, cell.found.join) if cell.found else (None, None)
+    for name, method, paper in zip(("full NLLS", "submap joining"), ours, cell.printed, strict=True):
+        yield f"  {name:<16} {_spreads(method) if method else 'no run gave a map'}"
         yield _plain("  paper", paper)
     yield _plain("sqrt of bound", cell.bound)
-    r = cell.ratio
-    yield (
-        f"  joining / NLLS   {r.median:.3f} [{r.quarter:.3f}, {r.three_quarters:.3f}], least {r.least:.2f}, most "
-        f"{r.most:.2f}" + ("" if cell.holds else f"   (median outside {RATIO_BAND[0]:.2f} to {RATIO_BAND[1]:.2f})")
+    if cell.found:
+        r = cell.found.ratio
+        yield (
+            f"  joining / NLLS   {r.median:.3f} [{r.quarter:.3f}, {r.three_quarters:.3f}], least {r.least:.2f}, most "
+            f"{r.most:.2f}" + ("" if cell.holds else f"   (median outside {RATIO_BAND[0]:.2f} to {RATIO_BAND[1]:.2f})")
+        )
+
+
+def _spreads(method: Method) -> str:
+    spreads = (method.state, method.robot_pose, method.landmark)
+    return (
+        " ".join(f"{s.median:.4f} [{s.quarter:.4f}, {s.three_quarters:.4f}]  " for s in spreads)
+        + f" {method.nees_per_dof.median:.2f}"
     )
 
 
