@@ -3,7 +3,8 @@
     python benchmarks/stress.py --seed 123                         what became of one log, by the drive drawn for it
     python benchmarks/stress.py --seed 123 --drive full --shrink   ... and the smallest part of it that still fails so
     python benchmarks/stress.py --seed 123 --rows "1/odometry:0-3 2/robots:0"             ... of some of its rows
-    python benchmarks/stress.py --count 5000 --json stress.json    a campaign: failures by kind, each with its seeds
+    python benchmarks/stress.py --count 5000 --json stress.json    a campaign: failures by kind, each with its seeds;
+                                                                   begun again, it goes on where it was
     python benchmarks/stress.py --middle --count 200               ... of logs of dozens to hundreds of poses
     python benchmarks/stress.py --real --count 200                 ... of published logs, cut, thinned and renamed
     python benchmarks/stress.py --known                            what of the suite's own logs fails, as known there
@@ -22,6 +23,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -140,12 +142,22 @@ def tell(verdict: Verdict) -> None:
         print(f"FAILED {failure.kind}\n       {failure.detail}")
 
 
-def campaign(seeds: Sequence[int], kind: Kind, drive: str | None, workers: int) -> list[Row]:
-    """All seeds, told by kind of failure at the end."""
-    with ProcessPoolExecutor(workers) as pool:
-        rows = []
-        for row in pool.map(row_of, seeds, [kind] * len(seeds), [drive] * len(seeds), chunksize=4):
+def rows_so_far(path: Path | None) -> list[Row]:
+    """What a campaign counted before it was cut off: a line a log."""
+    if path is None or not path.exists():
+        return []
+    return [Row(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def campaign(seeds: Sequence[int], kind: Kind, drive: str | None, workers: int, path: Path | None = None) -> list[Row]:
+    """All seeds, told by kind of failure at the end; at `path` each as soon as it is known."""
+    rows = [row for row in rows_so_far(path) if row.seed in seeds]
+    left = sorted(set(seeds) - {row.seed for row in rows})
+    with ProcessPoolExecutor(workers) as pool, path.open("a", encoding="utf-8") if path else nullcontext() as file:
+        for row in pool.map(row_of, left, [kind] * len(left), [drive] * len(left), chunksize=1):
             rows.append(row)
+            if file is not None:
+                print(json.dumps(asdict(row)), file=file, flush=True)
             if len(rows) % 100 == 0:
                 print(f"{len(rows)} of {len(seeds)}", file=sys.stderr, flush=True)
     held = sum((Counter(row.held) for row in rows), Counter[str]())
@@ -197,7 +209,7 @@ def main() -> int:
     given = parser.parse_args()
     kind = Kind(given.middle, bool(given.real), given.real if given.real in LOGS else None)
     if given.page:
-        counted = [json.loads(path.read_text(encoding="utf-8")) for path in given.page[1:]]
+        counted = [[asdict(row) for row in rows_so_far(path)] for path in given.page[1:]]
         stress_page.write(given.page[0], *counted, f"{platform.machine()}, {os.cpu_count()} cores")
         return 0
     if given.known:
@@ -205,9 +217,7 @@ def main() -> int:
         return 0
     if given.count > 1:
         seeds = range(given.seed, given.seed + given.count)
-        rows = campaign(seeds, kind, given.drive, given.workers)
-        if given.json:
-            given.json.write_text(json.dumps([asdict(row) for row in rows]), encoding="utf-8")
+        rows = campaign(seeds, kind, given.drive, given.workers, given.json)
         return int(any(row.failures for row in rows))
     if given.rows:
         verdict = judge(given.seed, middle=given.middle, drive=given.drive, rows=given.rows)

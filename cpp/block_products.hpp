@@ -42,8 +42,10 @@ inline void add_block(const double* I, const double* A_r, const double* A_c, dou
       for (int q = 0; q < d_c; ++q) target[d_r * q + p] += X[d_c * p + q];
 }
 
-// A member has (estimate's unknowns, variable's unknowns) of one of four shapes.
-inline constexpr std::array<std::pair<int, int>, 4> member_shapes = {{{2, 2}, {3, 3}, {6, 6}, {6, 3}}};
+// A member has (estimate's unknowns, variable's unknowns) of one of these shapes; points of poses come last.
+inline constexpr int shapes = 8;
+inline constexpr std::array<std::pair<int, int>, shapes> member_shapes = {
+    {{2, 2}, {3, 3}, {6, 6}, {6, 3}, {2, 3}, {2, 6}, {3, 2}, {3, 6}}};
 
 // `count` stored blocks below one another and alike, as add_block; a target of ~start is transposed.
 template <int n_r, int d_r, int n_c, int d_c>
@@ -56,16 +58,20 @@ void add_run(const double* I, const int32_t* row, int64_t count, const double* A
 using AddRun = void (*)(const double*, const int32_t*, int64_t, const double*, const double*, const int64_t*, double*);
 
 template <std::size_t r, std::size_t... c>
-constexpr std::array<AddRun, 4> add_run_row(std::index_sequence<c...>) {
+constexpr std::array<AddRun, shapes> add_run_row(std::index_sequence<c...>) {
   constexpr auto rows = member_shapes[r];
   return {&add_run<rows.first, rows.second, member_shapes[c].first, member_shapes[c].second>...};
 }
-inline constexpr auto every_shape = std::make_index_sequence<4>{};
-inline constexpr std::array<std::array<AddRun, 4>, 4> add_runs = {
-    add_run_row<0>(every_shape), add_run_row<1>(every_shape), add_run_row<2>(every_shape), add_run_row<3>(every_shape)};
+inline constexpr auto every_shape = std::make_index_sequence<shapes>{};
+template <std::size_t... r>
+constexpr std::array<std::array<AddRun, shapes>, shapes> add_run_rows(std::index_sequence<r...>) {
+  return {add_run_row<r>(every_shape)...};
+}
+inline constexpr std::array<std::array<AddRun, shapes>, shapes> add_runs = add_run_rows(every_shape);
 
 inline int shape_of(int estimate_dof, int variable_dof) {
-  return estimate_dof == 2 ? 0 : estimate_dof == 3 ? 1 : variable_dof == 6 ? 2 : 3;
+  const auto* found = std::find(member_shapes.begin(), member_shapes.end(), std::pair(estimate_dof, variable_dof));
+  return static_cast<int>(found - member_shapes.begin());
 }
 
 // target (n x n) += (X + X') / 2: the diagonal blocks of H are symmetric to the last bit.

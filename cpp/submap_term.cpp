@@ -37,10 +37,12 @@ void pose_residual(const double* s, Kind base, const double* x_b, Kind kind, con
   r.rows = r.base_columns = r.member_columns = pose_dof(D);
 }
 
+// A point may be the estimate of whatever has a place: of a pose it is where that is; of what lives in the plane, at
+// height 0; of what lives in space, seen in the plane, its shadow.
 template <int D>
-void point_residual(const double* s, Kind base, const double* x_b, const double* x_v, Residual& r) {
-  double p[D];
-  std::copy_n(x_v, D, p);
+void point_residual(const double* s, Kind base, const double* x_b, Kind kind, const double* x_v, Residual& r) {
+  double p[D] = {};
+  std::copy_n(x_v, std::min(D, dimension(kind)), p);
   sight<PointMeasure<D>, D, true>(s, frame_of<D>(base, x_b), p, r.e, r.J_base, r.J_member);
   r.rows = r.member_columns = D, r.base_columns = pose_dof(D);
 }
@@ -50,15 +52,31 @@ void residual_of(Kind estimate, const double* s, Kind base, const double* x_b, K
   switch (estimate) {
     case Kind::pose2: return pose_residual<2>(s, base, x_b, kind, x_v, r);
     case Kind::pose3: return pose_residual<3>(s, base, x_b, kind, x_v, r);
-    case Kind::point2: return point_residual<2>(s, base, x_b, x_v, r);
-    case Kind::point3: return point_residual<3>(s, base, x_b, x_v, r);
+    case Kind::point2: return point_residual<2>(s, base, x_b, kind, x_v, r);
+    case Kind::point3: return point_residual<3>(s, base, x_b, kind, x_v, r);
   }
 }
 
-void take_columns(const double* J, int rows, int columns, Kind kind, double* out, int stride) {
-  const int n = dof(kind), D = columns == 6 ? 3 : 2;
+// The Jacobian of a pose in D dimensions, by the unknowns of a frame of this kind.
+void take_pose_columns(const double* J, int rows, int columns, Kind kind, double* out, int stride) {
+  const int D = columns == 6 ? 3 : 2;
   for (int i = 0; i < rows; ++i)
-    for (int j = 0; j < n; ++j) out[stride * i + j] = J[columns * i + (is_pose(kind) ? pose_column(kind, D, j) : j)];
+    for (int j = 0; j < dof(kind); ++j) out[stride * i + j] = J[columns * i + pose_column(kind, D, j)];
+}
+
+// The Jacobian of what a member's estimate is of, by the member's unknowns.
+void take_member_columns(Kind estimate, const Residual& r, Kind kind, double* out, int stride) {
+  if (is_pose(estimate)) return take_pose_columns(r.J_member, r.rows, r.member_columns, kind, out, stride);
+  for (int i = 0; i < r.rows; ++i)
+    for (int j = 0; j < dof(kind); ++j) {
+      const int column = point_column(kind, r.member_columns, j);
+      out[stride * i + j] = column < 0 ? 0.0 : r.J_member[r.member_columns * i + column];
+    }
+}
+
+// Whether an estimate of one kind can be of a variable of another.
+bool can_be_of(Kind estimate, Kind variable) {
+  return estimate == variable || !is_pose(estimate) || (estimate == Kind::pose3 && variable == Kind::pose2);
 }
 
 }  // namespace
@@ -109,7 +127,7 @@ void SubmapTerm::check_members(const SubmapInput& input) const {
   }
   for (int64_t i = 0; i < input.members; ++i) {
     const Kind kind = static_cast<Kind>(input.kind[i]), global = variables_.kind[input.member[i]];
-    if (kind != global && !(kind == Kind::pose3 && global == Kind::pose2))
+    if (!can_be_of(kind, global))
       refuse("submap: member ", i, ": a ", name_of(kind), " cannot be the estimate of a ", name_of(global));
     if (base_ >= 0 && dimension(variables_.kind[base_]) > dimension(kind))
       refuse("submap: member ", i, ": a ", name_of(kind), " cannot be seen from a base in space");
@@ -215,8 +233,8 @@ double SubmapTerm::evaluate(const double* state, Wanted wanted, Work& work) cons
     double* X = work.X.data() + width * pattern_.scalar_start[i];
     for (int row = 0; row < r.rows; ++row) X[width * row + width - 1] = r.e[row];
     if (jacobians)
-      take_columns(r.J_member, r.rows, r.member_columns, kind, work.A.data() + largest_jacobian * i, dof(kind));
-    if (with_base) take_columns(r.J_base, r.rows, r.base_columns, base, X, width);
+      take_member_columns(member.kind, r, kind, work.A.data() + largest_jacobian * i, dof(kind));
+    if (with_base) take_pose_columns(r.J_base, r.rows, r.base_columns, base, X, width);
   }
   multiply(pattern_, values_.data(), width, wanted == Wanted::all, work.X.data(), work.Y.data());
   double cost = 0.0;
@@ -305,8 +323,8 @@ void SubmapTerm::subtract_bends(const double* state, const Work& work, double* s
     const auto jacobian_at = [&](const double* b, const double* v, double* J) {
       Residual r;
       residual_of(member.kind, state_.data() + member.state, base, b, kind, v, r);
-      if (moving) take_columns(r.J_base, r.rows, r.base_columns, base, J, columns);
-      take_columns(r.J_member, r.rows, r.member_columns, kind, J + d_b, columns);
+      if (moving) take_pose_columns(r.J_base, r.rows, r.base_columns, base, J, columns);
+      take_member_columns(member.kind, r, kind, J + d_b, columns);
     };
     subtract_bend<12>(base, x_b, kind, state + variables_.offset[member.variable], d_b, d_v, n, lambda, jacobian_at, C);
     for (int p = 0; p < d_v; ++p)

@@ -6,7 +6,8 @@
 // with I the submap's information and eta its linear term (zero, unless the estimate is not its own optimum). With
 // A = -de/dG, the term adds A'IA to H and A'(Ie + eta) to g. I is block-sparse and stays so: E = I A_b is formed once,
 //   H_vw += A_v' I_vw A_w,   H_vb += A_v' E_v,   H_bb += sum_v A_bv' E_v.
-// An estimate may be a pose in space where the variable is planar: the variable is lifted.
+// An estimate may be a pose in space where the variable is planar: the variable is lifted. It may be a point where the
+// variable is a pose: it is of the pose's place, and says nothing of its rotation.
 #pragma once
 
 #include <cstdint>

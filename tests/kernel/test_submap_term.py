@@ -34,11 +34,17 @@ def in_frame(base, kind, x):
     if kind in (POINT2, POINT3):
         d = NUMBERS[kind]
         T, R = split(base if d == 2 else lift(base))
-        return R.T @ (x - T)
+        return R.T @ (place_of(x, d) - T)
     if kind == POSE3:
         base, x = lift(base), lift(x)
     T, R = split(base)
     return compose(np.concatenate([-R.T @ T, R.T.ravel()]), x)
+
+
+def place_of(x, d):
+    """Where a variable is, in d dimensions: a pose's place, at height 0 in the plane, or a shadow there."""
+    own = x[: 2 if len(x) in (NUMBERS[POSE2], NUMBERS[POINT2]) else 3]
+    return np.concatenate([own, np.zeros(3)])[:d]
 
 
 def identity(dim):
@@ -64,6 +70,9 @@ def submaps(draw):
         variables = Variables(kinds[order], variables.fixed[order])
         members, base = np.argsort(order)[members], int(np.argsort(order)[base])
     own_kinds = np.where(variables.kinds[members] == POSE2, POSE2 if plane else POSE3, variables.kinds[members])
+    # Whatever has a place may have a point for its estimate, in the plane or in space.
+    points = [POINT2] if plane else [POINT2, POINT3] if base_kind in (None, POSE2) else [POINT3]
+    own_kinds = np.where(rng.random(len(members)) < 0.3, rng.choice(points, len(members)), own_kinds)
     state = variables.random_state(rng)
     estimate = np.concatenate([random_variable(rng, kind) for kind in own_kinds])
     dofs = np.array([DOFS[k] for k in own_kinds])
@@ -199,7 +208,7 @@ def test_what_does_not_fit_is_refused():
     refused("names variable -1", members=[-1, 2])
     refused("comes twice", members=[1, 1], kinds=[POSE3, POSE3], state=np.tile(identity(3), 2),
             pattern=BlockPattern.from_pairs([6, 6], [0], [1]), values=np.ones(108))  # fmt: skip
-    refused("cannot be the estimate", members=[1, 3])
+    refused("cannot be the estimate", members=[4, 2])
     refused("cannot be the estimate", members=[2, 1])
     refused("from a base in space", members=[4], kinds=[POINT2], state=np.zeros(2),
             pattern=BlockPattern.from_pairs([2], [], []), values=np.ones(4))  # fmt: skip

@@ -110,8 +110,8 @@ def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Orac
                 free = component.map.base != WORLD and turns_in_the_world(oracle, int(poses[0]))
                 findings.check("left out: rows of a world that a map is free to turn in", free, lost)
         return
-    held = [set(c.map.keys.tolist()) for c in outcome.components]
-    inside = [row for t in rows for row in t.keys.tolist() if any(set(row) <= keys for keys in held)]
+    maps = [c.map.all_values.layout for c in outcome.components]
+    inside = [row for t in rows for layout in maps for row in t.keys[t.told_by(layout)].tolist()]
     findings.check("left out: rows that no one map could hold", not inside, f"{lost.what}: {len(inside)} rows")
 
 

@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, IntArray, Pose, lift_points
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points
 from teamslam.model.keys import is_landmark, is_pose, robot_of
+from teamslam.model.layout import Kind, Layout
 from teamslam.model.losses import SQUARED, Loss
 from teamslam.model.noise import ranks
 from teamslam.model.sensors import MODELS, Model
@@ -99,6 +100,19 @@ class Table:
             whitening = self.whitening
         return replace(self, keys=self.keys[index], values=self.values[index], whitening=whitening, ids=self.ids[index])
 
+    def told_by(self, layout: Layout) -> BoolArray:
+        """Which rows (m,) some variables can tell: both ends are among them, and a target of which the orientation
+        counts is a pose there, not a place alone."""
+        there = np.asarray(layout.contains(self.keys).all(1))
+        if self.sees_turns and there.any():
+            there[there] = layout.kinds[layout.index(self.keys[there, -1])] < Kind.POINT2
+        return there
+
+    @property
+    def sees_turns(self) -> bool:
+        """Whether it matters how the target is turned."""
+        return self.row.targets_pose or (self.row.unary and self.sensor is not None)
+
     def with_loss(self, loss: Loss) -> "Table":
         """The same sightings under another loss."""
         return replace(self, loss=loss)
@@ -107,9 +121,7 @@ class Table:
         """The observers (None for `unary` models) and targets of all rows, planar ones lifted where kinds are mixed."""
         dim = 2 + int((values.layout.kinds[values.layout.index(self.keys)] % 2).max(initial=0))
         targets = self.keys[:, -1]
-        carried = self.row.unary and self.sensor is not None
-        whole = self.row.targets_pose or carried
-        target = values.poses_of(targets, dim) if whole else values.positions(targets, dim)
+        target = values.poses_of(targets, dim) if self.sees_turns else values.positions(targets, dim)
         return None if self.row.unary else values.poses_of(self.keys[:, 0], dim), target
 
     def predict_from(self, observer: Pose | None, target: Pose | Array) -> Array:

@@ -28,7 +28,7 @@ def excess_alone(tables: Sequence[Table], joined: Joined, submap: Submap) -> flo
     if home is None:
         return float("inf")
     values, own = point_of(home), _own_poses(submap, home)
-    rows = [t.select(np.asarray(np.isin(t.keys, own).any(1) & values.layout.contains(t.keys).all(1))) for t in tables]
+    rows = [t.select(np.isin(t.keys, own).any(1) & t.told_by(values.layout)) for t in tables]
     rows = [t for t in rows if len(t) and (home.base == WORLD or not t.row.unary)]
     used = np.unique(np.concatenate([own, *(t.keys.ravel() for t in rows)]))
     here = values.only(used)
@@ -62,8 +62,11 @@ def _own_poses(submap: Submap, home: Submap) -> IntArray:
 
 
 def _moved(values: Values, submap: Submap, keys: IntArray) -> Values:
-    """The values with some keys where the submap has them, seen from its base."""
-    return values.update(submap.all_values.only(keys).transform(values.pose(submap.base)))
+    """The values with some keys where the submap has them, seen from its base; what it knows as a point and the map as
+    a pose stays."""
+    own = submap.all_values.only(keys)
+    alike = own.layout.kinds == values.layout.kinds[values.layout.index(own.layout.keys)]
+    return values.update(own.select(alike).transform(values.pose(submap.base)))
 
 
 def _excess(rows: Sequence[Table], here: Values, there: Values, held: IntArray, submap: Submap) -> float:

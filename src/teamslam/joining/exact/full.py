@@ -107,7 +107,7 @@ def _solved(
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:
     """The rows whose variables are all among the values."""
     for table in tables:
-        there = np.asarray(values.layout.contains(table.keys).all(1))
+        there = table.told_by(values.layout)
         if there.any():
             yield table.select(there)
 

@@ -30,6 +30,8 @@ WORLD_OPEN = (
     "they leave the map free to turn in the world, so it is written in the frame of its first pose; two positions apart"
     " (in space three not in line), or one measured pose, would hold it"
 )
+APART = "they tie together what is in different maps, or they name what is in none"
+TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +89,7 @@ class _Books:
     """Rows and variables of a log that are in no map, and whom they are laid to so far."""
 
     def __init__(self, log: Dataset, maps: Sequence[Submap]) -> None:
-        self.log, self.names = log, log.names
+        self.log, self.maps, self.names = log, maps, log.names
         self.known = np.unique(np.concatenate([*(m.keys for m in maps), np.zeros(0, np.int64)]))
         held = {s for m in maps for s in m.sources}
         waiting = [table for m in maps for table in m.raw]
@@ -123,8 +125,7 @@ class _Books:
                 mine = [np.zeros(len(t), bool) for t in self.log.tables]
                 mine[number] = self.open[number]
                 what = f"{table.source} of robot {self.names.robot(table.robot)}"
-                apart = "they tie together what is in different maps, or they name what is in none"
-                yield self._taken("rows", what, np.zeros(0, np.int64), mine, WORLD_OPEN if table.row.unary else apart)
+                yield self._taken("rows", what, np.zeros(0, np.int64), mine, self._why_loose(table, mine[number]))
 
     def _taken(self, kind: str, what: str, keys: IntArray, rows: Sequence[BoolArray], reason: str) -> LeftOut:
         """An entry with some of what is missing, which is then nobody else's."""
@@ -134,6 +135,12 @@ class _Books:
         self.missing = np.setdiff1d(self.missing, gone)
         tables = [t for t in tables if len(t)]
         return LeftOut(kind, what, gone, Sources.of(tables), sum(map(len, tables)), reason)
+
+    def _why_loose(self, table: Table, rows: BoolArray) -> str:
+        """Why rows are in no map though all that they speak of is in some."""
+        if any(m.all_values.layout.contains(table.keys[rows]).all() and table.sees_turns for m in self.maps):
+            return TURNED
+        return WORLD_OPEN if table.row.unary else APART
 
     def _why_open(self, key: int, rows: Sequence[BoolArray]) -> str:
         parts = [t.select(m) for t, m in zip(self.log.tables, rows, strict=True) if m.any()]

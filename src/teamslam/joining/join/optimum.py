@@ -126,7 +126,7 @@ def usable_rows(raw: Iterable[Table], layout: Layout, *, world: bool = True) -> 
     the map is not written in the `world`'s frame, what was measured in it waits too."""
     usable, waiting = [], []
     for table in raw:
-        ready = np.asarray(layout.contains(table.keys).all(1) & (world or not table.row.unary))
+        ready = np.asarray(table.told_by(layout) & (world or not table.row.unary))
         if ready.all():
             usable += [table] if len(table) else []
             continue

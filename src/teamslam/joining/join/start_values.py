@@ -13,11 +13,12 @@ from teamslam.model import Kind, Values, pack, pose_kind, unpack
 def start_values(stack: Stack, frames: Sequence[Pose]) -> Values:
     """Every variable where the first submap that knows it puts it; a base counts before what others say of it.
 
-    A pose that one submap holds as planar and another as spatial is planar: the robot itself knows that it is on the
-    ground. Raises ModelError where a submap in space holds something planar.
+    What one submap holds as a pose and others as a point (a tag, of which these saw the place alone) is a pose. A pose
+    that one holds as planar and another as spatial is planar: the robot itself knows that it is on the ground; a point
+    is in space where anybody saw it there. Raises ModelError where a submap in space holds something planar.
     """
     whole = _with_bases(stack)
-    chosen = _first_of_lowest_kind(whole.keys, whole.kinds)
+    chosen = _first_that_says_most(whole.keys, whole.kinds)
     dims = np.array([frame.dim for frame in frames])
     parts: dict[Kind, tuple[IntArray, Pose | Array]] = {}
     for kind in map(Kind, np.unique(whole.kinds[chosen]).tolist()):
@@ -45,11 +46,14 @@ def _with_bases(stack: Stack) -> Stack:
     )
 
 
-def _first_of_lowest_kind(keys: IntArray, kinds: IntArray) -> IntArray:
-    """One row for each key, in the order of keys: of its rows of the lowest kind the first."""
+PRECEDENCE = np.array([0, 1, 3, 2])  # of kinds: planar poses, poses in space, points in the plane, points in space
+
+
+def _first_that_says_most(keys: IntArray, kinds: IntArray) -> IntArray:
+    """One row for each key, in the order of keys: of its rows of the kind that goes before the others the first."""
     order = np.argsort(keys)
     begins = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
-    return np.minimum.reduceat((kinds * len(keys) + np.arange(len(keys)))[order], begins) % len(keys)
+    return np.minimum.reduceat((PRECEDENCE[kinds] * len(keys) + np.arange(len(keys)))[order], begins) % len(keys)
 
 
 def _lifted(poses: Sequence[Pose], dim: int) -> Pose:

@@ -60,7 +60,7 @@ class Ties:
     @property
     def turns(self) -> bool:
         """Whether it matters how the target is turned."""
-        return sees_turns(self.table)
+        return self.table.sees_turns
 
     def select(self, index: AnyArray) -> "Ties":
         """The rows at a mask or index."""
@@ -117,11 +117,6 @@ class Ties:
     def _swung(self, observer: Pose, target: Pose, slopes: Array) -> Array:
         """Slopes (s, m, rows, 3) by the observer's turn, but for the sign."""
         return turned_about(slopes, target.translation - observer.translation)[..., 3:]
-
-
-def sees_turns(table: Table) -> bool:
-    """Whether it matters to a measurement how its target is turned."""
-    return table.row.targets_pose or (table.row.unary and table.sensor is not None)
 
 
 def turned_about(slopes: Array, arms: Array, unit: float = 1.0) -> Array:
@@ -229,7 +224,7 @@ class _Index:
         at = np.minimum(np.searchsorted(self.known.keys, keys), len(self.known.keys) - 1)
         there = (self.known.keys[at] == keys).all(1) & self.known.own[at[:, 0]] & (table.ranks > 0)
         there &= self.body[at[:, 0]] != self.body[at[:, 1]]
-        there &= self.known.oriented[at[:, 1]] | (not sees_turns(table))
+        there &= self.known.oriented[at[:, 1]] | (not table.sees_turns)
         return self._between(table.select(there), at[there].T)
 
     def common(self) -> list[Ties]:

@@ -88,7 +88,7 @@ def _solved(frames: Keyframes, cut: _Stretches, convex: bool) -> _Stretches:
     start = Values.of({pose_kind(dim): (keys, concatenate([Pose.identity(dim, (1,)), cut.poses[1:]]))})
     layout = start.layout.union(Layout.of(np.arange(len(codes)), marks))
     start = triangulate(place_targets(start.update(_known(cut, codes, marks)), tables, layout), tables)
-    tables = [t.select(np.asarray(start.layout.contains(t.keys).all(1))) for t in tables]
+    tables = [t.select(t.told_by(start.layout)) for t in tables]
     used = np.unique(np.concatenate([[ORIGIN], *(t.keys.ravel() for t in tables)]))
     values = start.only(used)
     system = System(values.layout, tables=[t for t in tables if len(t)], fixed=np.array([ORIGIN]))

@@ -108,7 +108,7 @@ def _of_sightings(log: Dataset, blind: Values | None, robots: tuple[int, ...]) -
 
 def _cost(tables: Iterable[Table], values: Values) -> float:
     """Of the rows whose poses are known."""
-    known = [table.select(np.asarray(values.layout.contains(table.keys).all(1))) for table in tables]
+    known = [table.select(table.told_by(values.layout)) for table in tables]
     return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in known)
 
 

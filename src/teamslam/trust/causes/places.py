@@ -58,7 +58,7 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause
     tally = by_landmark(rows)
     expected = dict(zip(tally.labels.tolist(), np.maximum(tally.expected, 1.0).tolist(), strict=True))
     values = point_of(joined)
-    tables = [table.select(np.asarray(values.layout.contains(table.keys).all(1))) for table in log.tables]
+    tables = [table.select(table.told_by(values.layout)) for table in log.tables]
     found: list[Cause] = []
     tried: set[int] = set()
     while len(tried) < MOST:

@@ -92,7 +92,7 @@ class Trial:
         for component in self.joined.components if self.joined else ():
             values = point_of(component.map)
             for table in self.log.tables:
-                here = table.select(np.asarray(values.layout.contains(table.keys).all(1)))
+                here = table.select(table.told_by(values.layout))
                 seen = np.maximum(robot_of(here.keys[:, -1]), 0)
                 for who in np.unique(seen).tolist():
                     rows = here.select(seen == who)
