@@ -152,6 +152,10 @@ REASON = (
     "of a robot's pose, would join them"
 )
 NOTHING = REASON.format("nothing", ": no common landmark, and neither robot saw the other")
+COULD = (
+    "the submaps of robot 2 from robot 2 at pose 0 on are tied to the map by landmark 0, which could hold their frame, "
+    "but no place was found where they fit and do"
+)
 TURNS = REASON.format("only landmark 0", " and can still turn about it: under-constrained, 1 direction free")
 
 
@@ -165,6 +169,8 @@ def test_lies_about_what_is_shared_are_found() -> None:
     hinge = team("2d", robots=2, poses=6, landmarks=1, sees=1.0)
     hinge = hinge.with_tables(t for t in hinge.tables if t.source != "robots")
     assert not of_sentences(split_in_two(hinge, TURNS))
+    assert of_sentences(split_in_two(hinge, COULD)) == {"true: no place was found"}
+    assert not of_sentences(split_in_two(own, COULD))
 
 
 def test_lies_about_what_is_determined_are_found() -> None:

@@ -216,4 +216,65 @@ def test_ranges_that_fit_no_frame_are_named() -> None:
         t if t.source == "odometry" else replace(t, values=rng.permutation(t.values) + 3.0) for t in dataset.tables
     )
     (reason,) = join(built(wrong)).reasons
-    assert "no frame fits them" in reason and "look for wrong ranges" in reason
+    assert "no place was found where they fit" in reason and "look for wrong ranges" in reason
+
+
+# --- what is open -------------------------------------------------------------------------------------------------
+
+
+def random_truss(rng: np.random.Generator, dim: int, model: str, count: int, rows: int) -> tuple[list[Outline], Table]:
+    """Bodies that drove about at random, and some sightings between any of them."""
+    n = 5
+    places = rng.normal(scale=3.0, size=(count, n, dim))
+    keys = np.stack([pose_key(body + 1, np.arange(n)) for body in range(count)])
+    frames = random_poses(rng, dim, count, turn=3.0)
+    ends = np.array([rng.choice(count, 2, replace=False) for _ in range(rows)])
+    at = rng.integers(0, n, (rows, 2))
+    turns = np.tile(np.eye(dim), (rows, 1, 1))
+    eyes = frames[ends[:, 0]] @ Pose(turns, places[ends[:, 0], at[:, 0]])
+    targets = frames[ends[:, 1]].act(places[ends[:, 1], at[:, 1]])
+    seen = sighted(model, dim, keys[ends, at], eyes, targets)
+    return [way(k, p) for k, p in zip(keys, places, strict=True)], seen
+
+
+def null_space(bodies: list[Outline], table: Table, dim: int, rng: np.random.Generator) -> Array:
+    """What no row sees of all bodies' frames but the first's (directions, bodies - 1, dof), at frames drawn anywhere:
+    by differences of residuals, and NumPy alone."""
+    dof, count = 3 * (dim - 1), len(bodies)
+    known = {int(key): (b, o.places[i, :dim]) for b, o in enumerate(bodies) for i, key in enumerate(o.keys)}
+    whose = np.array([[known[int(key)][0] for key in row] for row in table.keys])
+    where = np.array([[known[int(key)][1] for key in row] for row in table.keys])
+    start = random_poses(rng, dim, count, turn=3.0)
+
+    def predicted(tangent: Array) -> Array:
+        frames = start.retract(np.concatenate([np.zeros(dof), tangent]).reshape(count, dof))
+        turns = np.tile(np.eye(dim), (len(whose), 1, 1))
+        observer = frames[whose[:, 0]] @ Pose(turns, where[:, 0])
+        return table.predict_from(observer, frames[whose[:, 1]].act(where[:, 1]))
+
+    steps = 1e-6 * np.eye((count - 1) * dof)
+    here = [table.row.minus(predicted(step), predicted(-step), dim).ravel() / 2e-6 for step in steps]
+    _, sizes, directions = np.linalg.svd(np.stack(here, -1))
+    return directions[int((sizes > 1e-6 * sizes[0]).sum()) :].reshape(-1, count - 1, dof)
+
+
+@settings(max_examples=40, deadline=None)
+@given(generators, dims, st.sampled_from(["range", "bearing", "range_bearing", "point"]), st.data())
+def test_what_is_open_is_the_null_space_of_all_rows(
+    rng: np.random.Generator, dim: int, model: str, data: st.DataObject
+) -> None:
+    count, rows = data.draw(st.integers(2, 4), "bodies"), data.draw(st.integers(1, 14), "rows")
+    bodies, table = random_truss(rng, dim, model, count, rows)
+    found = truss_of(bodies, [dim == 2] * count, [table]).freedoms()
+    null = null_space(bodies, table, dim, rng)
+    free = [np.linalg.matrix_rank(null[:, body], tol=1e-4) if len(null) else 0 for body in range(count - 1)]
+    assert found[0].tolist() == [0, *free]
+    assert (found == found.T).all() and not found.diagonal().any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(generators, dims, st.integers(2, 4), st.integers(1, 14))
+def test_more_rows_never_open_anything(rng: np.random.Generator, dim: int, count: int, rows: int) -> None:
+    bodies, table = random_truss(rng, dim, "range", count, rows + 1)
+    fewer = truss_of(bodies, [dim == 2] * count, [table.select(np.arange(rows))]).freedoms()
+    assert (truss_of(bodies, [dim == 2] * count, [table]).freedoms() <= fewer).all()

@@ -34,7 +34,9 @@ BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses 
 TRUSS = 4  # clusters in a truss at most; and one of all that hang rigidly together, if these are not more than
 WHOLE = 8
 TRIES = 500  # sets of clusters looked at for a truss; only where very many hang loosely together are there more
-SOLVED = 2  # of them that are solved, for each cluster
+SOLVED = 4  # of them that are solved in all, for each chain: the search takes time in proportion to the log
+ALL_OF_THEM = 10**9  # rows: to know what is open no row is left out
+MOST_AT_ONCE = 100  # clusters whose freedoms are asked of all rows together; of more two by two
 JUDGED = 3  # assemblies of a truss that the join is asked about
 
 Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Held]
@@ -97,6 +99,7 @@ class _Placing:
         self.planar = [submaps[members[0]].base_dim == 2 for members, _ in chains]
         self._judged: dict[tuple[int, ...], Held] = {}  # by the chains of a body
         self._loose: set[tuple[tuple[int, ...], ...]] = set()  # bodies, by their chains, that are no truss now
+        self._left = SOLVED * len(chains)  # trusses that may still be solved
 
     @cached_property
     def raw(self) -> list[Table]:
@@ -209,19 +212,19 @@ class _Placing:
         """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
         if len(bodies) == 1:
             return None
-        tied, flat, left = self._tied(bodies), self._flat(bodies), SOLVED * len(bodies)
+        tied, flat = self._tied(bodies), self._flat(bodies)
         for places in itertools.islice(_candidates(tied), TRIES):
+            if not self._left:
+                break
             truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
             which = tuple(tuple(body.placed) for body in inside)
             if which in self._loose or not truss.may_be_rigid():
                 continue
+            self._left -= 1
             held = self._held(inside, truss.assemblies(), [flat[n] for n in places])
             if held:
                 return places, held
             self._loose.add(which)
-            left -= 1
-            if not left:
-                break
         return None
 
     def _held(self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]) -> list[list[Pose]]:
@@ -248,9 +251,9 @@ class _Placing:
                 for p in self._frames(list(body.placed), body.placed)
             ]
             judged.append((frames, self.judge(which, of, stand)))
-        if judged:
-            best = min((held for _, held in judged), key=lambda h: (not h.fits, h.looseness))
-            self._judged |= {tuple(body.placed): best for body in bodies}
+        for body in bodies if judged else ():
+            told = [*(held for _, held in judged), *filter(None, [self._judged.get(tuple(body.placed))])]
+            self._judged[tuple(body.placed)] = min(told, key=lambda h: (not h.fits, h.looseness))
         return [frames for frames, held in judged if held.fits and held.firm]
 
     def _looked_again(self, body: _Body) -> _Body:
@@ -284,19 +287,20 @@ class _Placing:
             # Nearest to being held.
             closest = min(others, key=lambda n: (free[n, number], -meets[n, number], n))
             told = self._judged.get(tuple(body.placed))
-            around = tied.among([closest, number, *(n for n in others if n != closest)])
+            around = tied.among([closest, number, *(n for n in others if n != closest)], ALL_OF_THEM)
             out.append(why_apart(self.submaps[self.chains[first][0][0]], around, int(free[closest, number]), told))
         return out
 
 
 def _freedoms(tied: Tied) -> IntArray:
-    """How many directions are open between each two bodies (n, n): of few by all rows, of many two by two."""
+    """How many directions are open between each two bodies (n, n) wherever they may be, by all rows; of very many
+    bodies two by two."""
     n = tied.given
-    if n <= WHOLE:
-        return Truss(tied.among(range(n))).freedoms()
+    if n <= MOST_AT_ONCE:
+        return Truss(tied.among(range(n), ALL_OF_THEM)).freedoms()
     rows, out = tied.meetings(), np.full((n, n), 6)
     for a, b in np.argwhere(np.triu(rows[:n, :n] + rows[:n, n:] @ rows[n:, :n], 1)).tolist():
-        out[a, b] = out[b, a] = Truss(tied.among([a, b])).freedoms()[0, 1]
+        out[a, b] = out[b, a] = Truss(tied.among([a, b], ALL_OF_THEM)).freedoms()[0, 1]
     return out
 
 
@@ -317,25 +321,28 @@ def _differ(one: dict[int, Pose], other: dict[int, Pose]) -> bool:
 
 def _candidates(tied: Tied) -> Iterator[tuple[int, ...]]:
     """Sets of bodies that may be rigid together, small sets first: pairs, those with most rows before others; three and
-    more of which each is tied to two others, or to one by several rows; all that hang rigidly on one of them."""
+    more of which each is tied to two others, or to one by several rows; all that hang rigidly together.
+
+    What all rows together leave open, those between some bodies do: no set reaches beyond bodies that cannot move
+    against each other when all are there.
+    """
     n = tied.given
     rows = tied.meetings()
     # The world and landmarks that are bodies tie those that they meet.
     by_others = rows[:n, n:] @ rows[n:, :n]
     ties = rows[:n, :n] + np.where(by_others > 0, 1.0, 0.0)
     np.fill_diagonal(ties, 0.0)
+    rigid = _freedoms(tied) == 0 if n <= MOST_AT_ONCE else np.ones((n, n), bool)
     pairs = sorted(itertools.combinations(range(n), 2), key=lambda pair: -ties[pair])
-    yield from (pair for pair in pairs if ties[pair])
-    around = np.flatnonzero(np.minimum(ties, 2).sum(1) >= 2)
+    yield from (pair for pair in pairs if ties[pair] and rigid[pair])
+    around = np.flatnonzero((np.minimum(ties, 2).sum(1) >= 2) & (rigid.sum(1) > 2))
     for size in range(3, TRUSS + 1):
         for places in itertools.combinations(around.tolist(), size):
-            if (np.minimum(ties[np.ix_(places, places)], 2).sum(1) >= 2).all():
+            if rigid[places[0], places].all() and (np.minimum(ties[np.ix_(places, places)], 2).sum(1) >= 2).all():
                 yield places
-    for root in range(n if n > TRUSS else 0):
-        order = [root, *(b for b in range(n) if b != root)]
-        rigid = np.flatnonzero(Truss(tied.among(order)).freedoms_anywhere()[0] == 0)
-        if TRUSS < len(rigid) <= WHOLE:
-            yield tuple(sorted(order[b] for b in rigid))
+    for whole in sorted({tuple(np.flatnonzero(of).tolist()) for of in rigid} if n <= MOST_AT_ONCE else ()):
+        if TRUSS < len(whole) <= WHOLE:
+            yield whole
 
 
 def _spread(table: Table, count: int) -> Table:

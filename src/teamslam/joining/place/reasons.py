@@ -1,7 +1,12 @@
 """Why a cluster stands alone, in words: what ties it to the others, and what that leaves open.
 
-Each sentence is backed by the rows themselves: that directions are free by the null space of their Jacobian, that a
-frame is held but loosely or does not fit by the join of the submaps concerned.
+Each sentence says what is known, and no more:
+
+    they share nothing        there is no such row
+    directions are open       by the null space of all rows at places that are not special: open there, open anywhere
+    held, but loosely         by the join of the submaps concerned, at a place where all rows fit
+    no place was found        the rows could hold the frame, but the search, which is bounded, found no place where they
+                              fit and do; whether there is none, nobody knows
 """
 
 import itertools
@@ -10,11 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.joining.place.robust_fit import HINGE
 from teamslam.joining.place.ties import Tied
 from teamslam.model import WORLD, Submap, is_landmark, robot_of
 
-LOOSE = HINGE**-0.5  # [rad], and of the distance: a frame that is held less firmly is free
+LOOSE = 0.5  # [rad], and of the distance: a frame that is held less firmly is free
 WORDS = {
     "range_bearing": ("range and bearing", "ranges and bearings"),
     "relative_pose": ("relative pose", "relative poses"),
@@ -46,7 +50,8 @@ class Held:
 
 def why_apart(submap: Submap, tied: Tied, free: int, held: Held | None) -> str:
     """The reason of the cluster that begins with `submap`, the second of the bodies in `tied`, of which it can move
-    against the first in `free` directions; where that is none, how they would be `held`."""
+    against the first in `free` directions wherever they are; where that is none, how they are `held` at the best place
+    that was found."""
     names = submap.names
     who = f"the submaps of robot {names.robot(int(robot_of(submap.base)))} from {names.describe(submap.base)} on"
     rows = Counter[str]()
@@ -80,11 +85,10 @@ def why_apart(submap: Submap, tied: Tied, free: int, held: Held | None) -> str:
         known = f"its heading to {held.turn:.2g} rad and its place to {held.place:.2g} m"
         known = known if np.isfinite(held.looseness) else "there it can still turn or move"
         return f"{tied_by}, which at these sigmas hold their frame but loosely ({known}): under-constrained; {cure}"
+    suspects = f"wrong {' or '.join(_noun(m, 2) for m in rows)}" if rows else "landmarks that were taken for others"
     return (
-        f"{tied_by}, but no frame fits them; look for wrong {' or '.join(_noun(m, 2) for m in rows)}, "
-        f"or for odometry that is worse than it says"
-        if rows
-        else f"{tied_by}, but no frame fits them; look for landmarks that were taken for others"
+        f"{tied_by}, which could hold their frame, but no place was found where they fit and do; look for {suspects}, "
+        f"for odometry that is worse than it says, or for a submap whose own measurements fit another map as well"
     )
 
 

@@ -35,6 +35,8 @@ STEP = 1e-5  # [m], [rad] of a difference
 ALL = np.ones(6, bool)
 FLAT = np.array([1, 1, 0, 0, 0, 1], bool)
 STILL = np.array([1, 1, 1, 0, 0, 0], bool)
+_STEPS = np.kron(np.eye(6), np.array([[STEP], [-STEP]]))  # forward and back along each place and turn
+BOTH_WAYS = so3.exp(_STEPS[:, 3:]), _STEPS[:, :3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +94,17 @@ class Ties:
 
     def slopes(self, observer: Pose, target: Pose) -> Array:
         """Of W e by the target's place and turn (s, m, rows, 6), in the frame of the bodies' frames."""
-        out = np.zeros((*target.batch, self.table.row.residual_rows(self.table.dim), 6))
-        for k, step in enumerate(STEP * np.eye(6)[: 6 if self.turns else 3]):
-            turn = so3.exp(step[3:]), so3.exp(-step[3:])
-            ahead = self.residual(observer, Pose(turn[0] @ target.rotation, target.translation + step[:3]))
-            behind = self.residual(observer, Pose(turn[1] @ target.rotation, target.translation - step[:3]))
-            out[..., k] = (ahead - behind) / (2.0 * STEP)
+        count = 6 if self.turns else 3
+        s, (turns, shifts) = len(target), BOTH_WAYS
+        moved = Pose(
+            turns[: 2 * count, None, None] @ target.rotation, target.translation + shifts[: 2 * count, None, None]
+        )
+        eyes = Pose(*(np.broadcast_to(of, (2 * count, *of.shape)) for of in (observer.rotation, observer.translation)))
+        ends = (Pose(p.rotation.reshape(-1, *p.batch[2:], 3, 3), p.translation.reshape(-1, *p.batch[2:], 3))
+                for p in (eyes, moved))  # fmt: skip
+        error = self.residual(*ends).reshape(count, 2, s, len(self), -1)
+        out = np.zeros((s, len(self), error.shape[-1], 6))
+        out[..., :count] = np.moveaxis(error[:, 0] - error[:, 1], 0, -1) / (2.0 * STEP)
         return out
 
     def whiteners(self, observer: Pose, target: Pose, slopes: Array) -> Array:
@@ -152,8 +159,8 @@ class Tied:
         ties = [*(index.ties(table) for table in tables), *index.common()]
         return cls(len(outlines), np.array(moves), [t for t in ties if len(t)], index)
 
-    def among(self, places: Sequence[int]) -> "Tied":
-        """Some of the bodies with what ties them, directly or by the world or landmarks."""
+    def among(self, places: Sequence[int], most: int = MOST) -> "Tied":
+        """Some of the bodies with what ties them, directly or by the world or landmarks: about `most` rows of it."""
         kept = set(places) | set(range(self.given, len(self.moves)))
         while True:
             meets: dict[int, set[int]] = {n: set() for n in kept}
@@ -173,7 +180,7 @@ class Tied:
         measured = [t.select(np.asarray((t.ends >= 0).all(0))) for t in measured]
         index = self.index.renumbered(new)
         ties = [t for t in (*measured, *index.common()) if len(t)]
-        ties = [t.spread(max(MOST // len(ties), FEWEST)) for t in ties]
+        ties = [t.spread(max(most // len(ties), FEWEST)) for t in ties]
         return Tied(len(places), self.moves[order], ties, index)
 
     def meetings(self) -> Array:
