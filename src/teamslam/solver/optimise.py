@@ -3,7 +3,8 @@
     repeat   linearise -> ask the rule for a step d -> try x (+) d -> tell the rule how well the model predicted
 
 Near the optimum H hardly changes any more, so there steps go on with the factor at hand (the chord method) while each
-of them shrinks the gradient tenfold.
+of them shrinks the gradient tenfold; between submaps, whose gradient costs a small part of a factor, as long as they
+come nearer at all, and what they see of the gradient puts the factor right (`secants`).
 
 It stops on the Newton decrement sqrt(g' H^-1 g): the distance to the optimum of the model in sigmas, so that no
 variable, and no combination of them, is farther from the optimum than that many of its own standard deviations. That is
@@ -27,6 +28,7 @@ from teamslam.solver.linear import Factor, Matrix
 from teamslam.solver.newton import SLOW, SLOW_JOIN, Bend, Curvature
 from teamslam.solver.rules import RULES, Proposal, dot, full_step
 from teamslam.solver.saddle import way_down
+from teamslam.solver.secants import Secants
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, System
 
@@ -59,6 +61,8 @@ CHORD = 0.1  # how much shorter than the step before one with its factor must be
 CAUTION = 4.0  # how much larger the share that a step leaves may be than that of the step before
 FORETOLD = 0.25  # the gain from which on a decrease was seen as predicted
 STIFF = 1e-4  # of what the same step would cost were each unknown to go it alone: less is along what is weak
+POOR = 0.1  # the gain below which half of a step by secants is tried, and of that half
+HALVES = 3
 CORRECTIONS = 6  # steps that bring one back to what stiff measurements hold
 ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
@@ -144,6 +148,7 @@ class _Search:
         self.bend = Bend(SLOW_JOIN if system.is_join else SLOW)
         self.factored: Curvature = "none"  # what the factor at hand holds
         self.settled = False  # whether the factor at hand still serves
+        self.secants = Secants() if system.is_join else None
         self.before, self.best = math.nan, math.inf  # decrements: of the step before, and the least that rounding hid
         self.refused_at: Linearised | None = None  # where a full step was refused
 
@@ -187,7 +192,14 @@ class _Search:
         if gain is None:
             self._stop()
             return
-        if after is not None and gain < self.rule.corrects_below:
+        if self.secants and self.settled:
+            if gain < POOR:
+                trial, after, gain = self._shortened(trial, after)
+            if gain < POOR:
+                self.settled = False
+                self._note(trial, False)
+                return
+        elif after is not None and gain < (POOR if settling and self.secants else self.rule.corrects_below):
             trial, after, gain = self._corrected(trial, after, gain)
             settling = False
         try:
@@ -201,6 +213,8 @@ class _Search:
             self.refused_at = self.at
         if accepted:
             assert after is not None
+            if self.secants:
+                self.secants.see(trial.decrement, trial.step.delta, self.at.gradient, after.gradient)
             self._stand(trial.values, after)
             self.before = trial.decrement if trial.step.is_full else math.nan
 
@@ -249,15 +263,33 @@ class _Search:
 
     def _fresh_step(self) -> Proposal:
         """The step of the rule, by a factor made anew."""
-        self.factored = self.at.curvature
+        self.factored, self.settled = self.at.curvature, False
+        if self.secants:
+            self.secants.begin()
         return self.rule.propose(self.factor, self.at, self.bend.insists)
 
     def _chord_step(self) -> Proposal | None:
         """The full step by the factor of the step before, where that still serves."""
         if not self.settled:
             return None
+        if self.secants:
+            return self.secants.step(self.factor, self.at.gradient)
         step = full_step(self.factor, self.at)
         return step if step.predicted < (CHORD * self.history[-1].decrement) ** 2 else None
+
+    def _shortened(self, trial: _Trial, after: Linearised | None) -> tuple[_Trial, Linearised | None, float]:
+        """Half of a step by secants, which may be too long while these are few, or half of that."""
+        gain, whole, length = -math.inf, trial.step, 1.0
+        for _ in range(HALVES):
+            length *= 0.5
+            delta = length * whole.delta
+            trial = replace(trial, step=replace(whole, delta=delta), values=self.system.retract(self.values, delta))
+            after = self._look(trial.values, self.bend.curvature, lazy=True)
+            if after is not None:
+                gain = (self.cost - after.cost) / (length * (2.0 - length) * whole.predicted)
+            if gain >= POOR:
+                break
+        return trial, after, gain
 
     def _corrected(self, trial: _Trial, after: Linearised, gain: float) -> tuple[_Trial, Linearised, float]:
         """A step along what is weak goes up because it leaves, on a curve, what stiff measurements hold: Newton's steps

@@ -131,8 +131,8 @@ def _subsets(n: int, size: int) -> IntArray:
     """Pairs or triples of n things: all, or a fixed sample of them."""
     if n <= 8:
         return np.array(list(itertools.combinations(range(n), size)))
-    rng = np.random.default_rng(n)
-    return np.array([rng.choice(n, size, replace=False) for _ in range(PROPOSALS)])
+    drawn = np.sort(np.random.default_rng(n).integers(n, size=(4 * PROPOSALS, size)), -1)
+    return drawn[(np.diff(drawn) > 0).all(-1)][:PROPOSALS]
 
 
 def _fits(source: Array, target: Array, subsets: IntArray) -> Pose:
