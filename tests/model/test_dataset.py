@@ -6,7 +6,9 @@ from numpy.testing import assert_array_equal
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Pose
+from teamslam.joining import build, join, split
 from teamslam.model import MODELS, SQUARED, Dataset, Kind, Loss, Names, Table, landmark_key, pack, pose_key
+from teamslam.sim import simulate
 
 
 def sightings(
@@ -101,3 +103,12 @@ def test_a_loss_goes_to_sightings_and_to_odometry_only_when_asked() -> None:
     assert [t.loss for t in dataset.with_loss(huber).tables] == [SQUARED, huber]
     assert [t.loss for t in dataset.with_loss(huber, odometry=True).tables] == [huber, huber]
     assert [t.loss for t in dataset.tables] == [SQUARED, SQUARED]
+
+
+def test_what_is_printed_in_a_notebook_is_a_line() -> None:
+    """However much there is: counts, not arrays."""
+    log = simulate("planar")
+    submaps = [build(piece) for piece in split(log)]
+    for record in (log, *log.tables, log.truth, log.layout, *submaps, join(submaps).components[0].solution):
+        assert len(repr(record)) < 400 and "array" not in repr(record) and "\n" not in repr(record)
+    assert "3 robots, 180 poses, 30 landmarks" in repr(log) and "59 rows of relative_pose in 2D" in repr(log.tables[0])

@@ -78,6 +78,12 @@ class Dataset:
         spatial = np.maximum.reduceat(all_kinds % 2, starts)
         return Layout.of(all_keys[starts], np.where(oriented == 1, spatial, 2 + spatial))
 
+    def __repr__(self) -> str:
+        known = [f"{len(self.robots)} robots", f"{sum(map(len, self.pose_keys.values())):,} poses"]
+        known += [f"{len(self.landmark_keys):,} landmarks", f"{sum(map(len, self.tables)):,} rows"]
+        known += ["with truth"] * (self.truth is not None) + [f"from {self.origin}"] * bool(self.origin)
+        return f"Dataset({', '.join(known)})"
+
     def robot_kinds(self, robots: IntArray) -> IntArray:
         """The kind of pose of each robot number."""
         lookup = np.zeros(max(self.robots, default=0) + 1, np.int64)

@@ -92,6 +92,10 @@ class Layout:
         fresh[1:] = (keys[1:] != keys[:-1]) | (kinds[1:] != kinds[:-1])
         return cls(keys[fresh], kinds[fresh])
 
+    def __repr__(self) -> str:
+        counts = ((int(np.sum(self.kinds == kind)), kind.name.lower()) for kind in Kind)
+        return f"Layout({', '.join(f'{count:,} {name}' for count, name in counts if count)})"
+
     def __len__(self) -> int:
         return len(self.keys)
 

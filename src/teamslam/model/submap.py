@@ -129,6 +129,12 @@ class Submap:
                 f"submap {self.id}: its base, {self.names.describe(self.base)}, is its frame, not a variable"
             )
 
+    def __repr__(self) -> str:
+        waiting = sum(map(len, self.raw))
+        return f"Submap({self.id}, version {self.version}, {self.values!r}" + (
+            f", {waiting:,} raw rows)" if waiting else ")"
+        )
+
     def checked(self, information: sp.csr_array) -> sp.csr_array:
         """The information, if it fits the unknowns; else ModelError."""
         n = self.dof

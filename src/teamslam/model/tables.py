@@ -42,6 +42,9 @@ class Table:
     sensor: Pose | None = None
     loss: Loss = SQUARED
 
+    def __repr__(self) -> str:
+        return f"Table({self.source} of robot number {self.robot}: {len(self):,} rows of {self.model} in {self.dim}D)"
+
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise ModelError(f"unknown model '{self.model}'; known are {', '.join(MODELS)}")

@@ -25,6 +25,9 @@ class Values:
         if self.state.shape != (int(self.layout.state_start[-1]),):
             raise ModelError(f"the layout needs {int(self.layout.state_start[-1])} numbers, found {self.state.shape}")
 
+    def __repr__(self) -> str:
+        return repr(self.layout).replace("Layout", "Values", 1)
+
     @classmethod
     def of(cls, parts: dict[Kind, tuple[IntArray, Pose | Array]]) -> "Values":
         """Values from keys (n,) and Poses or points (n, d) per kind, in any order of keys."""

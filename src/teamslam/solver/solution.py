@@ -10,6 +10,8 @@ import scipy.sparse as sp
 from teamslam.model import Values
 from teamslam.solver.linear import Matrix
 
+SENSELESS = 4.0  # times its degrees of freedom in cost: what fits costs about one of each
+
 
 class Status(Enum):
     """How a run ended, as a sentence."""
@@ -55,7 +57,7 @@ class Solution:
     dof: int
     status: Status
     decrement: float
-    history: tuple[Step, ...]
+    history: tuple[Step, ...] = field(repr=False)
     made: Callable[[], Matrix] = field(repr=False)
 
     @cached_property
@@ -72,6 +74,11 @@ class Solution:
     def converged(self) -> bool:
         """True where the estimate is a (local) optimum."""
         return self.status.converged
+
+    @property
+    def senseless(self) -> bool:
+        """Whether it costs so much more than noise explains that another optimum, which fits, may have been missed."""
+        return self.cost > SENSELESS * max(self.dof, 1)
 
     @property
     def iterations(self) -> int:

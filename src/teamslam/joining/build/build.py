@@ -23,7 +23,7 @@ from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
 from teamslam.joining.start.odometry import own_rows
-from teamslam.joining.start.starts import starts
+from teamslam.joining.start.starts import driven_start, starts
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
 from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
@@ -114,6 +114,8 @@ def _optima(
         try:
             found = _distinct(problem.system, problem.guesses, options)
             first = optimise(problem.system, found[0], options, progress)
+            if first.senseless:
+                first = min([first, *problem.driven(options, progress)], key=lambda solution: solution.cost)
             break
         except SolveError as error:
             # A landmark that turns out to be open costs nobody else anything: its sightings travel raw.
@@ -158,6 +160,17 @@ class _Problem:
         guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
         return cls(piece, int(poses[0]), system, raw, guesses, loose)
+
+    def driven(self, options: Options, progress: Callable[[Step], None] | None) -> list[Solution]:
+        """The optimum from the way solved part by part, where it leads to one."""
+        start = driven_start(self.piece, int(robot_of(self.base)), self.system.tables)
+        keys = self.guesses[0].layout.keys
+        if not start.layout.contains(keys).all():
+            return []
+        try:
+            return [optimise(self.system, start.only(keys), options, progress)]
+        except SolveError:
+            return []
 
     def submap(self, solution: Solution, id: str | None, version: int) -> Submap:
         """What is kept of a solution."""

@@ -3,7 +3,8 @@
     spare:  what only one submap knows, where that is most of it, is eliminated first: it changes nothing but the time
     place:  where each submap's frame lies, in closed form
     solve:  all frames and shared variables together; raw measurements that travel with the submaps join in; where the
-            frames have several assemblies, from each, and the lowest cost counts
+            frames have several assemblies, from each, and the lowest cost counts; where that makes no sense, from the
+            maps of both halves too
     keep :  G^, all variables back in it, and its information: a submap again
 
 A join is a pure function of the set of submaps: they are put in order by id before anything is computed. It refuses to
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.errors import ModelError
+from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import Pose
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.held import held
@@ -23,7 +24,7 @@ from teamslam.joining.join.interiors import Member, members_of
 from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, place
 from teamslam.joining.place.reasons import Held
-from teamslam.model import LeftOut, Submap
+from teamslam.model import Kind, LeftOut, Submap
 from teamslam.solver import Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
 
@@ -149,10 +150,41 @@ def _join_cluster(
     if len(inside) == 1 and not inside[0].whole.raw:
         return Component(inside[0].whole, None, ids)
     found = [Optimum.of(inside, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
+    best = min(found, key=lambda optimum: optimum.shared.cost)
+    if best.shared.senseless and len(inside) > 2:
+        found += _from_halves(inside, options, progress)
     found.sort(key=lambda optimum: optimum.shared.cost)
     best = found[0]
     dearer = tuple(other.shared.cost - best.shared.cost for other in found[1:] if _close(best, other))
     return Component(best.map(inside[0].whole.base_dim), best.solution, ids, dearer=dearer)
+
+
+def _from_halves(members: Sequence[Member], options: Options, progress: Callable[[Step], None] | None) -> list[Optimum]:
+    """The optimum from where the submaps lie once each half of them is a map: what a long chain of them has lost is
+    found along its parts before these are laid end to end. None where the halves make no one map."""
+    submaps, middle = [member.joined for member in members], len(members) // 2
+    try:
+        halves = [
+            c.map for half in (submaps[:middle], submaps[middle:]) for c in join(half, options=options).components
+        ]
+        maps = [component.map for component in join(halves, options=options).components]
+        frames = _frames_in(maps[0], submaps)
+        return [Optimum.of(members, frames, options, progress)] if len(maps) == 1 and frames else []
+    except SolveError:
+        return []  # a start ends nothing
+
+
+def _frames_in(whole: Submap, submaps: Sequence[Submap]) -> list[Pose]:
+    """The bases of submaps in a map that was made of them, seen from the first; none where it lacks one, or where some
+    are planar and some are not."""
+    bases, values = np.array([submap.base for submap in submaps]), whole.all_values
+    if not values.layout.contains(bases).all():
+        return []
+    kinds = np.unique(values.layout.kinds[values.layout.index(bases)])
+    if len(kinds) > 1:
+        return []
+    poses = values.poses_of(bases, Kind(int(kinds[0])).dim)
+    return [poses[0].between(poses[place]) for place in range(len(poses))]
 
 
 def _close(best: Optimum, other: Optimum) -> bool:

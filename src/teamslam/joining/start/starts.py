@@ -4,22 +4,26 @@
     the heading stays known       dead reckoning
     it may be lost by a turn      dead reckoning, and bent ways (`wound`), where the way is short
     it is lost on a long way      `grown` from short stretches, by the landmarks
+    what comes of these misfits   `driven`: solved part by part, in the order in which the robot went
 
 Targets stand where they were first seen whole, the others where several sightings put them. Of several starts that of
 the lowest cost counts in the end. There are at most BENDS of them, however long the log, and each takes time in
 proportion to its length.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.dead_reckoning import dead_reckoning
+from teamslam.joining.start.driven import driven
 from teamslam.joining.start.grown import grown
 from teamslam.joining.start.odometry import heading_variances, own_rows
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.joining.start.wound import wound
-from teamslam.model import Dataset, Layout, Values, is_landmark, pose_kind
+from teamslam.model import Dataset, Layout, Table, Values, is_landmark, pose_kind
 
 HEADING_SIGMA = 0.2  # [rad]: up to here dead reckoning is a good start; a chord errs by about half its square, 2 %
 SHORT = 15  # poses of a way that is tried bent; longer ones are grown
@@ -39,6 +43,12 @@ def reckoned(piece: Dataset, robot: int) -> Values:
     """Start values by dead reckoning alone, and every target where it was first seen whole."""
     kinds = local_kinds(piece.layout, piece.robots[robot])
     return place_targets(dead_reckoning(piece, robot), piece.tables, kinds)
+
+
+def driven_start(piece: Dataset, robot: int, tables: Sequence[Table]) -> Values:
+    """One more start, for where the others make no sense, from those of the piece's rows that a submap holds."""
+    dim = piece.robots[robot]
+    return driven(tables, dead_reckoning(piece, robot), local_kinds(piece.layout, dim), dim)
 
 
 def ways(piece: Dataset, robot: int) -> list[Values]:
