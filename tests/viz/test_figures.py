@@ -30,7 +30,7 @@ from teamslam.viz import (
 )
 from teamslam.viz.frame import log_scale
 from teamslam.viz.space import region_wires
-from teamslam.viz.style import COLUMNS, saved, seen
+from teamslam.viz.style import COLUMNS, NARROW, saved, seen, style
 
 
 def texts(figure: Figure) -> str:
@@ -238,21 +238,24 @@ def test_residuals_are_drawn_by_landmark() -> None:
 
 @settings(max_examples=60)
 @given(
-    st.integers(4 * COLUMNS + 1, 6 * COLUMNS),
+    st.sampled_from([COLUMNS, NARROW]),
+    st.floats(4.01, 6.0),
     st.integers(0, 2**32 - 1),
     st.sampled_from([0.0, 0.01, 1.0]),
 )
-def test_of_a_long_curve_all_that_an_eye_can_see_is_drawn(count: int, seed: int, unknown: float) -> None:
+def test_of_a_long_curve_all_that_an_eye_can_see_is_drawn(
+    columns: int, times: float, seed: int, unknown: float
+) -> None:
     """The first and last stamps, and in every stretch the lowest and highest value; nothing else."""
-    rng = np.random.default_rng(seed)
+    rng, count = np.random.default_rng(seed), int(times * columns)
     x = np.sort(rng.choice([rng.uniform(0.0, 1e6, count), np.arange(count) * 0.1]))
     y = np.where(rng.uniform(size=count) < unknown, np.nan, rng.normal(size=count))
-    few_x, few_y = seen(x, y)
-    assert len(few_x) <= 2 * COLUMNS
+    few_x, few_y = seen(x, y, columns)
+    assert len(few_x) <= 2 * columns
     place = np.searchsorted(x, few_x)
     assert (np.diff(few_x) >= 0.0).all() and (x[place] == few_x).all()
-    column = np.minimum((x - x[0]) * (COLUMNS / (x[-1] - x[0])), COLUMNS - 1).astype(int)
-    few_column = np.minimum((few_x - x[0]) * (COLUMNS / (x[-1] - x[0])), COLUMNS - 1).astype(int)
+    column = np.minimum((x - x[0]) * (columns / (x[-1] - x[0])), columns - 1).astype(int)
+    few_column = np.minimum((few_x - x[0]) * (columns / (x[-1] - x[0])), columns - 1).astype(int)
     for stretch in rng.choice(np.unique(column), 20):
         mine, drawn = y[column == stretch], few_y[few_column == stretch]
         assert np.isnan(drawn).any() or np.nanmin(drawn) == mine.min()
@@ -312,6 +315,20 @@ def test_nothing_stands_outside_a_figure(scene_of, size: float, robots: int) -> 
         box = figure.get_tightbbox()
         width, height = figure.get_size_inches()
         assert box.x0 >= -0.02 and box.y0 >= -0.02 and box.x1 <= width + 0.02 and box.y1 <= height + 0.02
+
+
+def test_a_picture_is_what_matplotlib_saves(scene: Scene) -> None:
+    """Dot by dot, without the channel that is full everywhere."""
+    from matplotlib.image import imread
+
+    figure, ours, theirs = draw_map(scene), io.BytesIO(), io.BytesIO()
+    saved(figure, ours)
+    with style():
+        figure.savefig(theirs, format="png")
+    ours.seek(0), theirs.seek(0)
+    whole = imread(theirs)
+    np.testing.assert_array_equal(imread(ours), whole[..., :3])
+    assert (whole[..., 3] == 1.0).all()
 
 
 def test_a_picture_is_as_large_as_its_figure(scene: Scene) -> None:

@@ -4,6 +4,7 @@ What is here is what must stand before anything heavy is imported: a Ctrl-C at a
 so are a pipe that nobody reads any more and a terminal that knows no letters beyond ASCII.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -15,6 +16,8 @@ from teamslam.cli.codes import BAD_INPUT, BROKEN_PIPE, interrupted
 
 __all__ = ["main"]
 
+SELDOM = (100_000, 20, 100)  # a command makes few circles of objects, and much that there would be to look through
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; `arguments` None takes those of the process."""
@@ -25,8 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise KeyboardInterrupt
 
     before = {number: signal.signal(number, stop) for number in _signals()}
+    thresholds = gc.get_threshold()
     try:
         _any_letter()
+        gc.set_threshold(*SELDOM)
         os.environ["MPLBACKEND"] = "agg"  # figures are written, never shown; an unknown name would forbid the import
         from teamslam.cli.app import called
 
@@ -46,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         said = str(error) if isinstance(error, KeyboardInterrupt) else ""
         return _told(said or "interrupted; nothing is left half-written", interrupted(caught[0]))
     finally:
+        gc.set_threshold(*thresholds)
         for number, handler in before.items():
             signal.signal(number, handler)
 

@@ -4,6 +4,7 @@ The second process is a fork of this one, so that the record need not travel. Wh
 the fork come to nothing (killed, out of memory), figures are drawn here when they are asked for.
 """
 
+import gc
 import io
 import signal
 import sys
@@ -69,6 +70,7 @@ def drawing(record: Record) -> Iterator[Callable[[Path], list[Path]]]:
 def _draw(record: Record, answer: Connection) -> None:
     """What the second process does. It says nothing itself, and an interruption is its parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.freeze()  # what it inherits is not its to look through
     try:
         answer.send({name: _png(figure) for name, figure in figures_of(record).items()})
     except BrokenPipeError:

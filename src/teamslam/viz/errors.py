@@ -15,7 +15,7 @@ from teamslam.geometry import Array
 from teamslam.model import chi2_quantile
 from teamslam.viz.frame import legend_beside, log_scale, panel, panels
 from teamslam.viz.scene import CONFIDENCE
-from teamslam.viz.style import INK, QUIET, name, robot_colour, seen, styled
+from teamslam.viz.style import INK, NARROW, QUIET, name, robot_colour, seen, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,12 +90,12 @@ def _within(track: ErrorTrack) -> float:
 
 
 def _error_axes(axes: "Axes", track: ErrorTrack, number: int, colour: str) -> None:
-    stamps, band = seen(track.stamps_s, 3.0 * track.sigma[:, number])
+    stamps, band = seen(track.stamps_s, 3.0 * track.sigma[:, number], NARROW)
     axes.fill_between(stamps, -band, band, color=colour, alpha=0.15, lw=0, label="3 sigma")
     for edge in (band, -band):
         axes.plot(stamps, edge, color=colour, lw=0.5, alpha=0.6, marker=track.mark, ms=2.0)
     axes.axhline(0.0, color=QUIET, lw=0.6)
-    stamps, error = seen(track.stamps_s, track.error[:, number])
+    stamps, error = seen(track.stamps_s, track.error[:, number], NARROW)
     axes.plot(stamps, error, color=colour, lw=0.9, marker=track.mark, ms=4.0, label="error")
 
 
