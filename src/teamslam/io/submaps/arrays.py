@@ -151,10 +151,10 @@ def read_submap(path: str | Path, *, prove: bool = True) -> Submap:
 def write_submap(submap: Submap, path: str | Path) -> None:
     """Writes a submap's file, whole or not at all. Law: read_submap gives the same submap."""
     path = Path(path)
-    content = submap_to_bytes(submap)
+    parts = _message(submap)
     try:
         with whole_file(path) as file:
-            file.write(content)
+            file.writelines(parts)
     except OSError as error:
         raise InputError(f"the file cannot be written: {error.strerror or error}", path=path) from None
 
@@ -164,6 +164,11 @@ def write_submap(submap: Submap, path: str | Path) -> None:
 
 def submap_to_bytes(submap: Submap) -> bytes:
     """The submap as a message. The same submap gives the same bytes."""
+    return b"".join(_message(submap))
+
+
+def _message(submap: Submap) -> tuple[bytes, bytes, bytes]:
+    """Head, content and digest, which together are the message: large ones are not copied once more for that."""
     upper = _upper(submap.information)
     layout = submap.values.layout
     content = _Content(
@@ -188,7 +193,7 @@ def submap_to_bytes(submap: Submap) -> bytes:
     )
     body = msgspec.msgpack.encode(content)
     head = HEADER.pack(MAGIC, FORMAT, len(body))
-    return b"".join([head, body, _digest(head, body)])
+    return head, body, _digest(head, body)
 
 
 def _upper(matrix: sp.csr_array) -> sp.csr_array:
@@ -201,7 +206,7 @@ def _upper(matrix: sp.csr_array) -> sp.csr_array:
         symmetric.sum_duplicates()
     rows = np.repeat(np.arange(symmetric.shape[0], dtype=symmetric.indices.dtype), np.diff(symmetric.indptr))
     kept = (symmetric.indices >= rows) & (symmetric.data != 0.0)
-    starts = np.append(0, np.cumsum(kept))[symmetric.indptr]
+    starts = np.append(0, np.cumsum(np.bincount(rows[kept], minlength=symmetric.shape[0])))
     return sp.csr_array((symmetric.data[kept], symmetric.indices[kept], starts), shape=symmetric.shape)
 
 
