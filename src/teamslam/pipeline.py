@@ -32,7 +32,7 @@ from teamslam.joining import (
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.scale import Workers, gather, join_in_tree
-from teamslam.solver import Covariances, Options, each_side_by_side
+from teamslam.solver import Covariances, Options, each_side_by_side, meanwhile
 from teamslam.trust import Verdict, explained, verdict
 from teamslam.wire.pieces import write_pieces
 
@@ -92,18 +92,20 @@ def run(
         pieces, submaps, joined = _solved(log, config, workers, work, clock)
     except SolveError as error:
         raise explained(error, log) from None
-    at = [AtMap(log.tables, component.map) for component in joined.components]
-    if config.method == "join":
-        clock.start("exactness")
-        joined = with_exactness(joined, pairs(pieces, submaps), at)
-    clock.start("verdict on the fit")
-    judged = verdict(log, joined, at)
-    costs = tuple(part.cost for part in judged.parts) or tuple(cost_of(c.map, log.tables) for c in joined.components)
-    clock.start("covariances")
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
+    asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
+    with meanwhile(lambda: [known.all for known in asked]):
+        at = [AtMap(log.tables, component.map) for component in joined.components]
+        if config.method == "join":
+            clock.start("exactness")
+            joined = with_exactness(joined, pairs(pieces, submaps), at)
+        clock.start("verdict on the fit")
+        judged = verdict(log, joined, at)
+        costs = [part.cost for part in judged.parts] or [cost_of(c.map, log.tables) for c in joined.components]
+        clock.start("covariances")
     clock.start("score")
     scores = scores_of(joined, covariances, dataset.truth)
-    return Result(config, dataset, submaps, joined, covariances, costs, judged, scores, clock.stop())
+    return Result(config, dataset, submaps, joined, covariances, tuple(costs), judged, scores, clock.stop())
 
 
 def _solved(

@@ -1,10 +1,13 @@
 """Parts worked on side by side come out as one after the other, in their order and to the bit."""
 
+import threading
+
 import numpy as np
 import pytest
 
+from teamslam import kernel
 from teamslam.joining import build, split
-from teamslam.solver import each_side_by_side, side_by_side
+from teamslam.solver import each_side_by_side, meanwhile, side_by_side
 from worlds import WORLDS, team
 
 
@@ -36,3 +39,19 @@ def test_who_stops_listening_starts_no_more() -> None:
     next(found)
     found.close()
     assert len(begun) < 100_000
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_is_done_meanwhile_is_done_at_the_end_and_harms_nobody(threads: int) -> None:
+    """On another thread, and where there is none, not at all: who asks does it then."""
+    done: list[int] = []
+    before = kernel.threads()
+    kernel.set_threads(threads)
+    try:
+        with meanwhile(lambda: done.append(threading.get_ident())):
+            pass
+        with meanwhile(lambda: 1 / 0):
+            done.append(0)
+    finally:
+        kernel.set_threads(before)
+    assert done[-1] == 0 and len(done) == threads and threading.get_ident() not in done

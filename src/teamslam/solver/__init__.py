@@ -6,7 +6,7 @@ from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
 from teamslam.solver.optimise import Options, convex_start, optimise
-from teamslam.solver.parallel import each_side_by_side, side_by_side
+from teamslam.solver.parallel import each_side_by_side, meanwhile, side_by_side
 from teamslam.solver.rules import RULES
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
@@ -29,6 +29,7 @@ __all__ = [
     "convex_start",
     "each_side_by_side",
     "linearise_numerically",
+    "meanwhile",
     "optimise",
     "optimise_graduated",
     "side_by_side",

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 from teamslam import kernel
@@ -27,3 +28,17 @@ def each_side_by_side(work: Callable[[T], R], parts: Sequence[T]) -> Iterator[R]
         yield from team.map(work, parts)
     finally:
         team.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def meanwhile(work: Callable[[], object]) -> Iterator[None]:
+    """Does something ahead of time that others ask for afterwards, while the block goes on; done when the block ends.
+
+    It is left to those who ask where the kernel may use one thread only. What goes wrong with it they find themselves.
+    """
+    if kernel.threads() < 2:
+        yield
+        return
+    with ThreadPoolExecutor(1) as other:
+        other.submit(work)
+        yield
