@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stress.claims import is_true, turns_in_the_world, weak
+from stress.claims import BEYOND, is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.oracle import Oracle, TooLarge, spoken_of
@@ -14,6 +14,7 @@ from teamslam.geometry import Array
 from teamslam.model import WORLD, Dataset, LeftOut, Table, is_pose, robot_of
 
 IN_LINE = 0.2  # of their spread along it: places so near a line that ranges from them may leave the side open
+FAR_APART = 1e5  # sigmas of rows: their squares take up most of the digits that there are
 LITTLE = 0.1  # [sigmas]: a submap that stopped farther from its optimum is not to be used
 
 
@@ -59,11 +60,36 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
         findings.check("left out: a landmark whose rows went elsewhere", not rows, lost)
     elif "no pose that saw it is in a map" in lost.reason:
         findings.check("left out: a landmark that no mapped pose saw", mapped.isdisjoint(seers), lost)
+    elif "solving for it together with the map fails" in lost.reason:
+        findings.check("left out: a landmark with which no solve ends", _at_odds(oracle, rows), lost)
+    elif "free to turn in the world" in lost.reason:
+        findings.check("left out: a landmark of a world that maps are free to turn in", _free(outcome, oracle), lost)
     elif not seers:  # surveyed alone
         findings.check(what, weak_alone(oracle, key), lost.reason)
     else:
         open_ = all(weak(oracle, seer, key) for seer in seers) or _in_line(oracle, seers, rows)
         findings.check(what, open_, f"{lost.what}: {lost.reason}")
+
+
+def _at_odds(oracle: Oracle, rows: list[Table]) -> bool:
+    """Whether some rows of a landmark contradict the truth, or its rows and those about their poses say what they say
+    with sigmas so far apart that no sum of their squares holds both."""
+    seers = spoken_of(rows)
+    around = [t.select(np.isin(t.keys, seers).any(1)) for t in oracle.tables]
+    around = [t for t in around if len(t)]
+    if any(float(np.abs(t.whitened(oracle.truth)).max()) > BEYOND for t in around):
+        return True
+    sharp = np.concatenate([np.linalg.svd(t.whitening, compute_uv=False).ravel() for t in around])
+    sharp = sharp[sharp > 0.0]
+    return bool(sharp.max() > FAR_APART * sharp.min())
+
+
+def _free(outcome: Outcome, oracle: Oracle) -> bool:
+    """Whether each map is written in a robot's frame, and free to turn in the world."""
+    poses = (np.min(m.keys[is_pose(m.keys) & (robot_of(m.keys) > 0)]) for m in (c.map for c in outcome.components))
+    if any(c.map.base == WORLD for c in outcome.components):
+        return False
+    return all(turns_in_the_world(oracle, int(pose)) for pose in poses)
 
 
 def weak_alone(oracle: Oracle, key: int) -> bool:

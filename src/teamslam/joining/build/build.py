@@ -100,9 +100,11 @@ def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap
 
 
 def _skeleton(piece: Dataset, robot: int, options: Options) -> Submap:
-    """The piece's way by its own relative poses, and nothing that was seen from it."""
+    """The piece's way by its own relative poses; whatever else was seen from it travels raw."""
     bones = piece.with_tables(own_rows(piece, robot))
-    return replace(next(_optima(bones, None, 0, options, None))[0], sources=Sources.of(piece.tables))
+    way, _ = next(_optima(bones, None, 0, options, None))
+    _, raw = gaussian_part(piece.tables, robot, way.trajectory_keys(robot), way.all_values.layout)
+    return replace(way, sources=Sources.of(piece.tables), raw=tuple(raw))
 
 
 def _optima(

@@ -19,7 +19,7 @@ from teamslam.joining.exact.basins import lowest
 from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
-from teamslam.joining.join.optimum import without_loose
+from teamslam.joining.join.optimum import in_the_way, less
 from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values
 from teamslam.solver import Options, Solution, Step, System, optimise
 from teamslam.solver.optimise import DEFAULTS
@@ -91,7 +91,7 @@ def _full(
 def _solved(
     dataset: Dataset, joined: Submap, start: Values, options: Options, progress: Callable[[Step], None] | None
 ) -> tuple[Solution, list[Table], IntArray]:
-    """The solution, the tables that it is of, and what is held. A landmark that turns out to be open is left out."""
+    """The solution, the tables that it is of, and what is held. A landmark with which there is none is left out."""
     while True:
         tables = list(_within(dataset.tables, start))
         if not tables:
@@ -101,7 +101,7 @@ def _solved(
         try:
             return optimise(system, anchored, options, progress), tables, fixed
         except SolveError as error:
-            start = without_loose(start, error, NOBODY)
+            start = less(start, in_the_way(start, error, NOBODY, tables))
 
 
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:

@@ -31,7 +31,7 @@ from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of, raw_cost
 from teamslam.joining.exact.robot import Part, Reduced, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.join import Component, Joined, in_order, join
-from teamslam.joining.join.optimum import joined_map, without_loose
+from teamslam.joining.join.optimum import in_the_way, joined_map, less
 from teamslam.model import WORLD, Dataset, Submap, Table, Values
 from teamslam.solver import Factor, Options, Solution, Status, Step, SubmapTerm, System
 from teamslam.solver.newton import Bend, Curvature
@@ -91,7 +91,7 @@ def _rounds(
         try:
             return _Team(parts, raw, joined).run(component, gap, max_rounds, progress)
         except SolveError as error:
-            left = without_loose(joined.values, error, held)
+            left = less(joined.values, in_the_way(joined.values, error, held, raw))
             joined = replace(joined, values=left, information=sp.csr_array(joined.information_of(left.layout.keys)))
 
 

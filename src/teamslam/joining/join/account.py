@@ -11,7 +11,9 @@ import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
+from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import (
+    WORLD,
     Dataset,
     Kind,
     Layout,
@@ -32,6 +34,10 @@ WORLD_OPEN = (
 )
 APART = "they tie together what is in different maps, or they name what is in none"
 TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
+FAILS = (
+    "they fix it, but solving for it together with the map fails; look for rows that contradict each other, or whose"
+    " sigmas are very far apart"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +160,10 @@ class _Books:
         seen = " and ".join(f"{n} {_noun(model, n)}" for model, n in counts.items())
         if not seers:
             return f"no pose that saw it is in a map ({seen})"
+        if all(part.row.unary for part in parts) and all(m.base != WORLD for m in self.maps):
+            return f"{seen}: {WORLD_OPEN}"
+        if any(triangulate(m.all_values, parts).layout.contains(key) for m in self.maps):
+            return f"{seen}: {FAILS}"
         cures = {
             "bearing": "rays that are nearly parallel leave its distance open; sightings from the side would tell",
             "range": "ranges from nearly one place or line leave its side open; ranges from elsewhere would tell",

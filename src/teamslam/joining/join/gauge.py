@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from teamslam.geometry import IntArray, Pose, align, lift_points
-from teamslam.model import WORLD, Submap, Table, Values
+from teamslam.joining.start.triangulate import kinds_of
+from teamslam.model import WORLD, Submap, Table, Values, is_landmark, point_kind
 
 LEAST = 1e-6  # the rigidity of a fit below which it is free to turn
 
@@ -34,6 +35,24 @@ def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values
 def in_the_world(fixed: IntArray) -> bool:
     """Whether a map whose gauge is `fixed` is written in the world's frame."""
     return not len(fixed) or int(fixed[0]) == WORLD
+
+
+def surveyed(values: Values, tables: Sequence[Table]) -> Values:
+    """`values`, which are written in the world's frame, with the landmarks added whose places `tables` measured there:
+    all of them, in as many dimensions as anybody saw them in."""
+    seen = [t.select(is_landmark(t.keys[:, -1]) & ~values.layout.contains(t.keys[:, -1])) for t in tables]
+    seen = [t for t in seen if len(t)]
+    if not any(t.model == "position" for t in seen):
+        return values
+    kinds = kinds_of(seen)
+    for table in seen:
+        if table.model != "position":
+            continue
+        of_its_kind = kinds.kinds[kinds.index(table.keys[:, 0])] == point_kind(table.dim)
+        whole = np.flatnonzero(of_its_kind & (table.ranks == table.dim) & ~values.layout.contains(table.keys[:, 0]))
+        keys, first = np.unique(table.keys[whole, 0], return_index=True)
+        values = values.update(Values.of({point_kind(table.dim): (keys, table.values[whole[first]])}))
+    return values
 
 
 def _in_the_world(start: Values, absolute: Sequence[Table], dim: int) -> Pose | None:

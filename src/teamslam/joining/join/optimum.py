@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import IntArray, Pose
-from teamslam.joining.join.gauge import anchor, in_the_world
+from teamslam.joining.join.gauge import anchor, in_the_world, surveyed
 from teamslam.joining.join.homes import homes
 from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
@@ -39,19 +39,29 @@ class Optimum:
         options: Options,
         progress: Callable[[Step], None] | None,
     ) -> "Optimum":
-        """The optimum from these frames of the members. A landmark that only raw rows hold, and that these turn out to
-        leave open, is not among what is shared: its rows wait."""
+        """The optimum from these frames of the members.
+
+        A landmark that only raw rows hold, and with which there is no solution, is not among what is shared: its rows
+        wait. One that the start could not place is looked for again at the optimum.
+        """
         submaps = [member.joined for member in members]
         raw = [table for submap in submaps for table in submap.raw]
         stack = Stack.of(submaps)
-        start = triangulate(start_values(stack, frames), raw)
+        start, loose = triangulate(start_values(stack, frames), raw), np.zeros(0, np.int64)
         while True:
             usable, _ = usable_rows(raw, start.layout)
             anchored, fixed, used = anchor(start, submaps[0], usable)
+            start = less(surveyed(anchored, raw), loose) if in_the_world(fixed) else anchored
+            if len(start) > len(anchored):
+                continue
             try:
-                return cls._from(members, stack, anchored, used, fixed, options, progress)
+                found = cls._from(members, stack, start, used, fixed, options, progress)
             except SolveError as error:
-                start = without_loose(start, error, stack.keys)
+                start = less(start, loose := np.append(loose, in_the_way(start, error, stack.keys, used)))
+                continue
+            start = less(triangulate(found.shared.values, raw), loose)
+            if len(start) == len(anchored):
+                return found
 
     @classmethod
     def near(
@@ -111,14 +121,24 @@ class Optimum:
         return joined_map(wholes, self.used, self.solution, self.fixed, self.names, base_dim)
 
 
-def without_loose(values: Values, error: SolveError, held: IntArray) -> Values:
-    """The values less a landmark that turned out to be open, so that its rows wait and it costs nobody else anything.
+def in_the_way(values: Values, error: SolveError, held: IntArray, tables: Iterable[Table]) -> IntArray:
+    """The landmarks, none of them among `held`, without which there may be a solution, so that they cost nobody else
+    anything: the one that turned out to be open; of a pose that did those that `tables` tie to it, else all of them.
 
-    Raises the error again where it is of no landmark, or of one among `held`.
+    Raises the error again where there are none.
     """
-    if error.key is None or not is_landmark(error.key) or np.isin(error.key, held):
+    keys = values.layout.keys
+    bare = keys[is_landmark(keys) & (keys != WORLD) & ~np.isin(keys, held)]
+    if error.key is None or not len(bare) or (is_landmark(error.key) and error.key not in bare):
         raise error
-    return values.select(values.layout.keys != error.key)
+    tied = [t.keys[(t.keys == error.key).any(1)].ravel() for t in tables]
+    nearest = bare[bare == error.key] if is_landmark(error.key) else np.intersect1d(bare, np.concatenate(tied))
+    return nearest if len(nearest) else bare
+
+
+def less(values: Values, keys: IntArray) -> Values:
+    """The values without some of their variables, so that the rows of these wait."""
+    return values.select(~np.isin(values.layout.keys, keys))
 
 
 def usable_rows(raw: Iterable[Table], layout: Layout, *, world: bool = True) -> tuple[list[Table], list[Table]]:
