@@ -22,6 +22,7 @@ from teamslam.model import (
     robot_of,
     whitening,
 )
+from teamslam.sim.noise import plus
 
 Fault = Callable[[Dataset, np.random.Generator], Dataset]
 
@@ -114,15 +115,17 @@ def _turned(table: Table, which: BoolArray, rng: np.random.Generator) -> Table:
 
 
 def _backward(log: Dataset, rng: np.random.Generator) -> Dataset:
-    """Half of the odometry is told from the later pose to the earlier."""
+    """Half of the odometry is told from the later pose to the earlier, each row by as many sigmas off as it was."""
     tables: list[Table] = []
     for table in log.tables:
-        if table.source != "odometry":
+        if table.source != "odometry" or not len(table):
             tables.append(table)
             continue
-        dim, back = table.dim, rng.random(len(table)) < 0.5
-        pose = Pose(table.values[:, dim:].reshape(-1, dim, dim), table.values[:, :dim])
-        turned = replace(table, keys=table.keys[:, ::-1].copy(), values=pack(pose.inverse())).select(back)
+        back = rng.random(len(table)) < 0.5
+        there, turned = table.select(back), replace(table, keys=table.keys[:, ::-1].copy()).select(back)
+        if len(turned):
+            values = plus(table.model, turned.predict(log.truth), there.residual(log.truth), table.dim)
+            turned = replace(turned, values=values)
         tables += [t for t in (table.select(~back), turned) if len(t)]
     return replace(log, tables=tuple(tables))
 

@@ -157,7 +157,9 @@ class _Team:
 
     def _unseen(self, cost: float) -> float:
         """The decrease of F that its rounding hides: a share of F, or where F is next to nothing that of residuals."""
-        residual = max(part.system.rounding(part.values) for part in self.parts)
+        assert self.system is not None
+        of_parts = [part.system.rounding(part.values) for part in self.parts]
+        residual = max([*of_parts, self.system.rounding(self.values)])  # the world's origin may be far away
         return max(UNSEEN * max(cost, 1.0), 10.0 * residual * float(np.sqrt(cost + 1.0)))
 
     def _descend(self, ahead: "_Ahead") -> float:

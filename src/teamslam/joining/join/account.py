@@ -33,6 +33,10 @@ WORLD_OPEN = (
     " (in space three not in line), or one measured pose, would hold it"
 )
 APART = "they tie together what is in different maps, or they name what is in none"
+FORGIVEN = (
+    "no map holds them: their own robot measured nothing from there, and where others saw them a loss forgives; such a"
+    " sighting could be wrong, and nothing else tells; a second row about that pose would, or a squared loss"
+)
 TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
 FAILS = (
     "they fix it, but solving for it together with the map fails; look for rows that contradict each other, or whose"
@@ -124,8 +128,7 @@ class _Books:
             rows_of = [m & np.isin(t.keys, poses).any(1) for t, m in zip(self.log.tables, self.open, strict=True)]
             n = len(poses)
             what = f"{n} pose{'' if n == 1 else 's'} of robot {self.names.robot(robot)}"
-            yield self._taken("poses", what, poses, rows_of, "no map holds them: nothing that its own robot measured "
-                              "from there, or what others saw of it leaves part of them open")  # fmt: skip
+            yield self._taken("poses", what, poses, rows_of, self._why_nowhere(rows_of))
         for number, table in enumerate(self.log.tables):
             if self.open[number].any():
                 mine = [np.zeros(len(t), bool) for t in self.log.tables]
@@ -141,6 +144,17 @@ class _Books:
         self.missing = np.setdiff1d(self.missing, gone)
         tables = [t for t in tables if len(t)]
         return LeftOut(kind, what, gone, Sources.of(tables), sum(map(len, tables)), reason)
+
+    def _why_nowhere(self, rows: Sequence[BoolArray]) -> str:
+        """Why no map holds poses of which these rows speak."""
+        parts = [t.select(m) for t, m in zip(self.log.tables, rows, strict=True) if m.any()]
+        seen = [t for t in parts if t.model == "relative_pose" and (t.ranks == t.row.residual_rows(t.dim)).any()]
+        if any(t.loss.name != "squared" for t in seen):
+            return FORGIVEN
+        return (
+            "no map holds them: nothing that its own robot measured from there, or what others saw of it leaves part "
+            "of them open"
+        )
 
     def _why_loose(self, table: Table, rows: BoolArray) -> str:
         """Why rows are in no map though all that they speak of is in some."""

@@ -189,5 +189,7 @@ def _frames_in(whole: Submap, submaps: Sequence[Submap]) -> list[Pose]:
 
 def _close(best: Optimum, other: Optimum) -> bool:
     """Whether another optimum cannot be ruled out, and is another one."""
-    apart = np.abs(other.shared.values.minus(best.shared.values)).max() > 1e-3
+    mine, theirs = best.shared.values, other.shared.values
+    both = np.intersect1d(mine.layout.keys, theirs.layout.keys)  # one of them may hold a landmark more
+    apart = np.abs(theirs.only(both).minus(mine.only(both))).max() > 1e-3
     return bool(apart) and other.shared.cost - best.shared.cost < RULED_OUT
