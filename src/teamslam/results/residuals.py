@@ -12,7 +12,7 @@ u_1, u_2, ...     the whitened residual W e, e = z (-) h, in the order of the mo
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
+from teamslam.io.files.letters import Letters, integers, lines, significant, spelled, words
 from teamslam.model import Names, index_of, is_landmark, robot_of
 from teamslam.trust import Verdict
 
@@ -82,22 +83,27 @@ def write_residuals(residuals: Sequence[Residuals], path: Path) -> None:
     """The table, a row a measurement."""
     widest = max((part.whitened.shape[-1] for part in residuals), default=0)
     head = ("component", "robot", "source", "model", "row", "stamp_s", "target", "weight")
-    with path.open("w", newline="", encoding="utf-8") as file:
-        file.write(_line([*head, *(f"u_{n + 1}" for n in range(widest))]))
+    with path.open("wb") as file:
+        file.write(_line([*head, *(f"u_{n + 1}" for n in range(widest))]).encode())
         for part in residuals:
-            file.writelines(_lines(part, widest))
+            file.writelines(lines(_columns(part, widest)))
 
 
-def _lines(part: Residuals, widest: int) -> Iterator[str]:
-    """A line is the same words, and numbers put into them."""
-    numbers = part.whitened.shape[-1]
-    words = _line([part.component, part.robot, part.source, part.model]).strip("\n").replace("%", "%%")
-    form = f"{words},%d,%s,%s,%.4g{',%.5g' * numbers}{',' * (widest - numbers)}\n"
-    stamps = ("" if stamp != stamp else f"{stamp:.6f}" for stamp in part.stamp_s.tolist())
-    quoted = [_line([word]).strip("\n") for word in part.targets]
-    targets = map(quoted.__getitem__, part.target.tolist())
-    columns = (part.row.tolist(), stamps, targets, part.weight.tolist(), *part.whitened.T.tolist())
-    return map(form.__mod__, zip(*columns, strict=True))
+def _columns(part: Residuals, widest: int) -> list[Letters]:
+    whose = _cells([part.component, part.robot, part.source, part.model])
+    return [
+        words([whose], np.zeros(len(part.row), np.int64)),
+        integers(part.row),
+        spelled(part.stamp_s, lambda stamp: "" if stamp != stamp else f"{stamp:.6f}"),
+        words([_cells([target]) for target in part.targets], part.target),
+        significant(part.weight, 4),
+        *(significant(u, 5) for u in part.whitened.T),
+        *(words([""], np.zeros(len(part.row), np.int64)) for _ in range(widest - part.whitened.shape[-1])),
+    ]
+
+
+def _cells(cells: Iterable[object]) -> str:
+    return _line(cells).strip("\n")
 
 
 def _line(cells: Iterable[object]) -> str:
@@ -109,10 +115,10 @@ def _line(cells: Iterable[object]) -> str:
 def read_residuals(path: Path) -> tuple[Residuals, ...]:
     """The table that `write_residuals` wrote, numbers to its digits. ValueError where it is another table."""
     with path.open(newline="", encoding="utf-8") as file:
-        lines = csv.reader(file)
-        next(lines)
+        rows = csv.reader(file)
+        next(rows)
         found: dict[tuple[str, ...], list[list[str]]] = {}
-        for cells in lines:
+        for cells in rows:
             found.setdefault(tuple(cells[:4]), []).append(cells[4:])
     return tuple(_part(words, cells) for words, cells in found.items())
 
