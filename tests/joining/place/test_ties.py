@@ -278,3 +278,20 @@ def test_more_rows_never_open_anything(rng: np.random.Generator, dim: int, count
     bodies, table = random_truss(rng, dim, "range", count, rows + 1)
     fewer = truss_of(bodies, [dim == 2] * count, [table.select(np.arange(rows))]).freedoms()
     assert (truss_of(bodies, [dim == 2] * count, [table]).freedoms() <= fewer).all()
+
+
+@settings(max_examples=15, deadline=None)
+@given(generators, st.floats(0.0, 1e12))
+def test_what_lies_above_the_plane_is_nothing_to_bodies_in_it(rng: np.random.Generator, height: float) -> None:
+    """A robot on the ground may see points in space of which it does not know how high they are."""
+    points = rng.normal(scale=3.0, size=(3, 2))
+    frame = random_poses(rng, 2, turn=3.0)
+    high = np.concatenate([frame.unact(points), height * rng.normal(size=(3, 1))], 1)
+    no, sure = np.zeros(3, bool), np.full(3, 1e-6)
+    bodies = [
+        Outline(np.arange(3), places, np.tile(np.eye(3), (3, 1, 1)), no, sure, np.zeros(3), no)
+        for places in (np.concatenate([points, np.zeros((3, 1))], 1), high)
+    ]
+    assert not truss_of(bodies, [True, True]).freedoms().any()
+    truss = truss_of([bodies[0], replace(bodies[1], places=high * [1.0, 1.0, 0.0])], [True, True])
+    assert truss_of(bodies, [True, True]).tied.reach == truss.tied.reach

@@ -4,8 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from stress.scenario import draw
+from stress.world import log_of
 from teamslam.config import Config, JoinOptions
 from teamslam.io import read
+from teamslam.joining import build_choices, split
+from teamslam.model import is_landmark
 from teamslam.pipeline import run
 
 
@@ -30,3 +34,14 @@ def test_a_log_whose_odometry_turns_too_far_maps(data) -> None:
     assert len(result.joined.components) == 1
     (score,) = result.scores
     assert score.landmark_rmse_m is not None and score.landmark_rmse_m <= 0.04
+
+
+@pytest.mark.parametrize("seed", [2000345, 2000382])
+def test_what_a_piece_cannot_tell_travels_raw(seed: int) -> None:
+    """In these logs pieces have no optimum that is found: they are their robot's way alone, and no row is lost."""
+    bare = 0
+    for piece in split(log_of(draw(seed))):
+        first, *_ = build_choices(piece)
+        assert first.rows + sum(t.dof for t in first.raw) == sum(t.dof for t in piece.tables)
+        bare += not is_landmark(first.keys).any() and any(t.source == "landmarks" for t in piece.tables)
+    assert bare

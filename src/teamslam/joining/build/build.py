@@ -5,7 +5,8 @@
     keep :  S^ and I_S = J' W J at S^ (eq. 9), robust weights inside
 
 A guess is a guess: it may be rough, and what cannot be solved from it is solved from another. A solve that stops short
-of its optimum still gives the submap where what is left is little against one sigma; its solution says how much.
+of its optimum still gives the submap where what is left is little against one sigma; its solution says how much. Where
+a piece has no optimum that is found, its submap is the robot's way alone.
 
 What a Gaussian over S cannot hold travels beside it as raw measurements, and meets its other half at the join:
 sightings that leave part of their target open (a range or bearing to a robot has no heading; a landmark straight ahead
@@ -22,7 +23,6 @@ from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
-from teamslam.joining.start.odometry import own_rows
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
 from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
@@ -58,10 +58,7 @@ def build_with_solution(
     progress: Callable[[Step], None] | None = None,
 ) -> tuple[Submap, Solution]:
     """`build`, and the solver's account of it."""
-    submap, solution = next(_optima(piece, id, version, options, progress))
-    if not usable(solution):
-        raise SolveError(_not_converged(solution))
-    return submap, solution
+    return next(_usable_optima(piece, id, version, options, progress))
 
 
 def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -71,10 +68,7 @@ def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[S
     them is right may show only when the team's submaps meet. All have one id: a join takes one of them. Raises as
     `build` does.
     """
-    (first, solution), *others = _optima(piece, None, 0, options, None)
-    if not usable(solution):
-        raise SolveError(_not_converged(solution))
-    return [first, *(submap for submap, _ in others)]
+    return [submap for submap, _ in _usable_optima(piece, None, 0, options, None)]
 
 
 def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -83,35 +77,62 @@ def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap
 
     Alone a robot makes one and the same map of these, but the team's optimum may lie nearer to another. They stand at
     their own places with the best map's information: starts, and no measurements. A start need not be an optimum: where
-    none is found, it is as near as was come, or the way that the robot's own relative poses tell. Raises ModelError as
-    `build` does, SolveError where not even these hold.
+    none is found, it is as near as was come, or the robot's way alone. Raises ModelError as `build` does, SolveError
+    where not even that holds.
     """
     robot = _the_robot(piece)
-    try:
-        optima = [submap for submap, _ in _optima(piece, None, 0, options, None)]
-    except SolveError:
-        if not own_rows(piece, robot):
-            raise  # and nothing else leads anywhere
-        return [_skeleton(piece, robot, options)]
+    optima = [submap for submap, _ in _optima(piece, None, 0, options, None)]
     guesses, keys = starts(piece, robot), optima[0].values.layout.keys
     if len(guesses) < 2:
         return optima
     return optima + [replace(optima[0], values=g.only(keys)) for g in guesses if g.layout.contains(keys).all()]
 
 
-def _skeleton(piece: Dataset, robot: int, options: Options) -> Submap:
-    """The piece's way by its own relative poses; whatever else was seen from it travels raw."""
-    bones = piece.with_tables(own_rows(piece, robot))
-    way, _ = next(_optima(bones, None, 0, options, None))
-    _, raw = gaussian_part(piece.tables, robot, way.trajectory_keys(robot), way.all_values.layout)
-    return replace(way, sources=Sources.of(piece.tables), raw=tuple(raw))
+Optima = Iterator[tuple[Submap, Solution]]
+
+
+def _usable_optima(
+    piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
+) -> Optima:
+    """As `_optima`; where the lowest is too far from its optimum to stand for it, the robot's way alone."""
+    found = _optima(piece, id, version, options, progress)
+    first = next(found)
+    if not usable(first[1]):
+        problem = SolveError(_not_converged(first[1]))
+        try:
+            found = _descended(_Problem.bare(piece), id, version, options, progress)
+            first = next(found)
+        except SolveError:
+            raise problem from None
+        if not usable(first[1]):
+            raise problem
+    yield first
+    yield from found
 
 
 def _optima(
     piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
-) -> Iterator[tuple[Submap, Solution]]:
-    """The local optima of a piece as submaps, lowest first. Raises SolveError where there is none."""
-    problem = _Problem.of(piece)
+) -> Optima:
+    """The local optima of a piece as submaps, lowest first.
+
+    Where it has none that can be solved for, that of the robot's way alone, and all that was seen from it travels raw:
+    what one piece cannot tell the team may. Raises SolveError where there is not even that.
+    """
+    try:
+        yield from _descended(_Problem.of(piece), id, version, options, progress)
+        return
+    except SolveError as error:
+        problem = error
+    try:
+        yield from _descended(_Problem.bare(piece), id, version, options, progress)
+    except SolveError:
+        raise problem from None
+
+
+def _descended(
+    problem: "_Problem", id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
+) -> Optima:
+    """The local optima of a problem as submaps, lowest first. Raises SolveError where there is none."""
     while True:
         try:
             found = _distinct(problem.system, problem.guesses, options)
@@ -123,7 +144,7 @@ def _optima(
             # A landmark that turns out to be open costs nobody else anything: its sightings travel raw.
             if error.key is None or not is_landmark(error.key):
                 raise
-            problem = _Problem.of(piece, np.append(problem.loose, error.key))
+            problem = _Problem.of(problem.piece, np.append(problem.loose, error.key))
     yield problem.submap(first, id, version), first
     for start in found[1:]:
         solution = optimise(problem.system, start, options, progress)
@@ -162,6 +183,12 @@ class _Problem:
         guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
         return cls(piece, int(poses[0]), system, raw, guesses, loose)
+
+    @classmethod
+    def bare(cls, piece: Dataset) -> "_Problem":
+        """The problem of the robot's own way, in which nothing that was seen from it takes part."""
+        own = own_chain(piece, _the_robot(piece))
+        return cls.of(piece, np.setdiff1d(piece.layout.keys, own))
 
     def driven(self, options: Options, progress: Callable[[Step], None] | None) -> list[Solution]:
         """The optimum from the way solved part by part, where it leads to one."""

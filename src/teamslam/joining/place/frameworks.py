@@ -53,7 +53,7 @@ class Truss:
         """Where the rows' cost has a minimum, by cost; mirror images and other ways to put the bodies together."""
         if not self._columns.size or not self.tied.ties:
             return []
-        frames, costs = self._solved(self._starts(min(STARTS, SHARE // self.tied.given)))
+        frames, costs = self._solved(self._starts(min(STARTS, SHARE // self.tied.given), self.tied.reach))
         limit = chi2_quantile(FITS, max(self._rows_that_count(frames) - len(self._columns), 1))
         found: list[Assembly] = []
         for s in np.argsort(costs)[np.isfinite(np.sort(costs))]:
@@ -78,7 +78,7 @@ class Truss:
         """
         if not self.tied.ties:
             return self._untied()
-        starts = self._starts(GENERIC)
+        starts = self._starts(GENERIC, self.tied.extent)
         return np.asarray(np.stack([self._freedoms(starts[n : n + 1]) for n in range(GENERIC)]).min(0))
 
     def _untied(self) -> IntArray:
@@ -103,12 +103,12 @@ class Truss:
         moves[0] = False
         return np.flatnonzero(moves.ravel())
 
-    def _starts(self, s: int) -> Pose:
-        """Frames turned every way, (s, bodies), always the same, anywhere within reach."""
+    def _starts(self, s: int, reach: float) -> Pose:
+        """Frames turned every way, (s, bodies), always the same, anywhere within some reach [m]."""
         rng, n = np.random.default_rng(0), len(self.tied.moves)
         axes = rng.standard_normal((s, n, 3)) * self.tied.moves[:, 3:]
         axes *= np.pi * rng.random((s, n, 1)) / np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-9)
-        places = self.tied.reach * rng.standard_normal((s, n, 3)) * self.tied.moves[:, :3]
+        places = reach * rng.standard_normal((s, n, 3)) * self.tied.moves[:, :3]
         axes[:, 0], places[:, 0] = 0.0, 0.0
         return Pose(so3.exp(axes), places)
 
@@ -188,7 +188,7 @@ class Truss:
         ends = [tie.at(frames) for tie in self.tied.ties]
         places = np.concatenate([end.translation for both in ends for end in both], 1)
         centre = places.mean(1, keepdims=True)
-        extent = float(np.sqrt(np.mean(np.sum((places - centre) ** 2, -1))))
+        extent = float(np.sqrt(np.mean(np.sum((places - centre)[..., self.tied.ways] ** 2, -1))))
         unit = extent if extent > PLACE_SIGMA else 1.0
         centres = np.broadcast_to(centre, (len(frames), len(self.tied.moves), 3))
         parts = []

@@ -198,10 +198,28 @@ class Tied:
     @property
     def reach(self) -> float:
         """How far apart bodies may be [m], roughly: as far as their ways and what was measured between them go."""
-        lengths = [np.linalg.norm(end.translation, axis=-1) for t in self.ties for end in (t.seen_from, t.there)]
-        lengths += [np.linalg.norm(t.table.values[:, : _LENGTHS.get(t.table.model, t.table.dim)], axis=-1)
-                    for t in self.ties]  # fmt: skip
-        return float(np.concatenate([*lengths, [PLACE_SIGMA]]).max())
+        return float(max(self._lengths.max(initial=0.0), PLACE_SIGMA))
+
+    @property
+    def extent(self) -> float:
+        """What is a usual length among them [m]; of things known wildly it takes no notice."""
+        lengths = self._lengths[self._lengths > PLACE_SIGMA]
+        return float(np.median(lengths)) if len(lengths) else PLACE_SIGMA
+
+    @property
+    def ways(self) -> BoolArray:
+        """Along which axes (3,) any of the given bodies can move: what is known of others, is no length."""
+        return np.asarray(self.moves[: self.given, :3].any(0))
+
+    @property
+    def _lengths(self) -> Array:
+        """Of the ways, in the directions in which bodies can move, and of measurements."""
+        ends = [
+            np.linalg.norm(e.translation[..., self.ways], axis=-1) for t in self.ties for e in (t.seen_from, t.there)
+        ]
+        seen = [np.linalg.norm(t.table.values[:, : _LENGTHS.get(t.table.model, t.table.dim)], axis=-1)
+                for t in self.ties]  # fmt: skip
+        return np.concatenate([*ends, *seen, np.zeros(0)])
 
 
 _LENGTHS = {"range": 1, "range_bearing": 1, "bearing": 0}  # numbers of a measurement that are lengths, where not `dim`
