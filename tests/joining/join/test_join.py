@@ -5,11 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.joining import ORDERS, build, exact_join, full, join, join_sequentially, split
 from teamslam.joining.place.place import place
-from teamslam.model import Dataset, Loss, Sources, Submap, Values, is_landmark, is_pose, robot_of
+from teamslam.model import (
+    Dataset,
+    Kind,
+    Loss,
+    Sources,
+    Submap,
+    Values,
+    is_landmark,
+    is_pose,
+    landmark_key,
+    pose_key,
+    robot_of,
+)
 from teamslam.solver import Options
 from worlds import WORLDS, mixed_team, team
 
@@ -419,3 +432,19 @@ def test_a_planar_robot_and_a_flying_one_make_one_map() -> None:
     exact = exact_join(split(mixed))
     baseline = full(mixed, initial=exact, options=TIGHT)
     np.testing.assert_allclose(exact.map.values.minus(baseline.map.values), 0.0, atol=1e-8)
+
+
+def test_submaps_whose_halves_fall_apart_end_all_the_same() -> None:
+    """Each two of four lying submaps share one landmark: together they are rigid, and no half of them is one map from
+    which the search for a map that makes sense could start."""
+    rng = np.random.default_rng(5)
+    pairs = list(itertools.combinations(range(4), 2))
+    places = rng.uniform(-9.0, 9.0, (len(pairs), 2))
+    submaps = []
+    for robot in range(4):
+        seen = np.array([mark for mark, pair in enumerate(pairs) if robot in pair])
+        values = Values.of({Kind.POINT2: (landmark_key(seen), places[seen] + 0.1 * rng.normal(size=(3, 2)))})
+        base, information = int(pose_key(robot + 1, 0)), sp.csr_array(1e6 * np.eye(6))
+        submaps.append(Submap(str(robot), 0, base, 2, values, information, Sources()))
+    joined = join(submaps)
+    assert len(joined.components) == 1 and joined.converged

@@ -117,13 +117,19 @@ def join(
     """
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
+    return _joined(ordered, options, progress, by_halves=True)
+
+
+def _joined(
+    ordered: Sequence[Submap], options: Options, progress: Callable[[Step], None] | None, by_halves: bool
+) -> Joined:
     members = members_of(ordered)
 
     def judge(which: Sequence[int], bodies: Sequence[int], frames: Sequence[Pose]) -> Held:
         return held([members[n] for n in which], bodies, frames, options)
 
     placement = place([member.joined for member in members], judge)
-    components = [_join_cluster(members, cluster, options, progress) for cluster in placement.clusters]
+    components = [_join_cluster(members, cluster, options, progress, by_halves) for cluster in placement.clusters]
     return Joined(tuple(components), tuple(placement.reasons))
 
 
@@ -142,7 +148,11 @@ def in_order(submaps: Iterable[Submap]) -> list[Submap]:
 
 
 def _join_cluster(
-    members: Sequence[Member], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
+    members: Sequence[Member],
+    cluster: Cluster,
+    options: Options,
+    progress: Callable[[Step], None] | None,
+    by_halves: bool,
 ) -> Component:
     """The best of the optima from all assemblies of the members' frames; others that come close are named."""
     inside = [members[number] for number in cluster.members]
@@ -150,26 +160,24 @@ def _join_cluster(
     if len(inside) == 1 and not inside[0].whole.raw:
         return Component(inside[0].whole, None, ids)
     found = [Optimum.of(inside, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
-    best = min(found, key=lambda optimum: optimum.shared.cost)
-    if best.shared.senseless and len(inside) > 2:
+    if by_halves and len(inside) > 2 and min(found, key=_excess).shared.senseless:
         found += _from_halves(inside, options, progress)
-    found.sort(key=lambda optimum: optimum.shared.cost)
-    best = found[0]
-    dearer = tuple(other.shared.cost - best.shared.cost for other in found[1:] if _close(best, other))
+    best, *others = sorted(found, key=_excess)
+    dearer = tuple(_excess(other) - _excess(best) for other in others if _close(best, other))
     return Component(best.map(inside[0].whole.base_dim), best.solution, ids, dearer=dearer)
 
 
 def _from_halves(members: Sequence[Member], options: Options, progress: Callable[[Step], None] | None) -> list[Optimum]:
     """The optimum from where the submaps lie once each half of them is a map: what a long chain of them has lost is
-    found along its parts before these are laid end to end. None where the halves make no one map."""
+    found along its parts before these are laid end to end. None where the halves make no one map. Each level joins
+    every submap once more, and twice: there are log2 of their number."""
     submaps, middle = [member.joined for member in members], len(members) // 2
     try:
-        halves = [
-            c.map for half in (submaps[:middle], submaps[middle:]) for c in join(half, options=options).components
-        ]
-        maps = [component.map for component in join(halves, options=options).components]
-        frames = _frames_in(maps[0], submaps)
-        return [Optimum.of(members, frames, options, progress)] if len(maps) == 1 and frames else []
+        halves = [_joined(half, options, None, by_halves=True) for half in (submaps[:middle], submaps[middle:])]
+        parts = [component.map for half in halves for component in half.components]
+        whole, *others = _joined(in_order(parts), options, None, by_halves=False).components
+        frames = _frames_in(whole.map, submaps)
+        return [Optimum.of(members, frames, options, progress)] if frames and not others else []
     except SolveError:
         return []  # a start ends nothing
 
@@ -187,9 +195,15 @@ def _frames_in(whole: Submap, submaps: Sequence[Submap]) -> list[Pose]:
     return [poses[0].between(poses[place]) for place in range(len(poses))]
 
 
+def _excess(optimum: Optimum) -> float:
+    """What an optimum costs beyond what is expected of the numbers that it explains; a landmark that one assembly
+    leaves open is no merit of it."""
+    return optimum.shared.cost - optimum.shared.rows
+
+
 def _close(best: Optimum, other: Optimum) -> bool:
     """Whether another optimum cannot be ruled out, and is another one."""
-    mine, theirs = best.shared.values, other.shared.values
-    both = np.intersect1d(mine.layout.keys, theirs.layout.keys)  # one of them may hold a landmark more
-    apart = np.abs(theirs.only(both).minus(mine.only(both))).max() > 1e-3
-    return bool(apart) and other.shared.cost - best.shared.cost < RULED_OUT
+    mine, its = best.shared.values, other.shared.values
+    both = np.intersect1d(mine.layout.keys, its.layout.keys)
+    apart = np.abs(its.only(both).minus(mine.only(both))).max() > 1e-3
+    return bool(apart) and _excess(other) - _excess(best) < RULED_OUT
