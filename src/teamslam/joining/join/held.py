@@ -25,8 +25,8 @@ ROUGH = 60  # iterations
 OPEN = Held(False, np.inf, np.inf, 1.0)
 
 
-def held(members: Sequence[Member], bodies: Sequence[int], frames: Sequence[Pose], options: Options) -> Held:
-    """How the bodies that the members belong to are held, each to the first; the least firm counts."""
+def held(members: Sequence[Member], bodies: Sequence[int], frames: Sequence[Pose], options: Options) -> list[Held]:
+    """How the bodies that the members belong to are held, each but the first to that."""
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
     try:
         optimum = Optimum.of(members, frames, rough, None)
@@ -37,9 +37,9 @@ def held(members: Sequence[Member], bodies: Sequence[int], frames: Sequence[Pose
             _firmest(covariances, optimum.shared.values, groups[0], group, optimum.fixed) for group in groups[1:]
         ]
     except SolveError:
-        return OPEN
+        return [OPEN] * (len(set(bodies)) - 1)
     fits = optimum.shared.cost <= chi2_quantile(FITS, max(optimum.shared.dof, 1))
-    return replace(max(meetings, key=lambda h: h.looseness), fits=bool(fits))
+    return [replace(meeting, fits=bool(fits)) for meeting in meetings]
 
 
 def _unweighted(optimum: Optimum) -> Covariances:

@@ -125,7 +125,7 @@ def _joined(
 ) -> Joined:
     members = members_of(ordered)
 
-    def judge(which: Sequence[int], bodies: Sequence[int], frames: Sequence[Pose]) -> Held:
+    def judge(which: Sequence[int], bodies: Sequence[int], frames: Sequence[Pose]) -> Sequence[Held]:
         return held([members[n] for n in which], bodies, frames, options)
 
     placement = place([member.joined for member in members], judge)

@@ -39,9 +39,9 @@ ALL_OF_THEM = 10**9  # rows: to know what is open no row is left out
 MOST_AT_ONCE = 100  # clusters whose freedoms are asked of all rows together; of more two by two
 JUDGED = 3  # assemblies of a truss that the join is asked about
 
-Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Held]
+Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Sequence[Held]]
 """`judge(members, bodies, frames)`: how firmly the rows themselves hold submaps, each of some body, at their optimum
-near these frames."""
+near these frames: of each body but the first."""
 
 
 @dataclass(frozen=True)
@@ -221,40 +221,56 @@ class _Placing:
             if which in self._loose or not truss.may_be_rigid():
                 continue
             self._left -= 1
-            held = self._held(inside, truss.assemblies(), [flat[n] for n in places])
+            held, frames = self._held(inside, truss.assemblies(), [flat[n] for n in places])
             if held:
-                return places, held
+                return tuple(places[n] for n in held), frames
             self._loose.add(which)
         return None
 
-    def _held(self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]) -> list[list[Pose]]:
-        """The frames of the assemblies that fit, where one of them is rigid: what fits better counts as well, though a
-        direction seems loose there, for the join decides by cost. Where none is rigid, of those that the judge says
-        are."""
+    def _held(
+        self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]
+    ) -> tuple[list[int], list[list[Pose]]]:
+        """Which of the bodies are held together, and their frames in the assemblies that fit, where one of them is
+        rigid: what fits better counts as well, though a direction seems loose there, for the join decides by cost.
+        Where none is rigid, those that the judge says are."""
         frames = [in_their_dimension(a.frames, flat) for a in found]
         rigid = [n for n, a in enumerate(found) if a.fits and not a.nullity]
         if not rigid:
             return self._by_judge(bodies, frames[:JUDGED])
-        return [frames[n] for n, a in enumerate(found) if n in rigid or (a.fits and n < rigid[0])]
+        ways = [frames[n] for n, a in enumerate(found) if n in rigid or (a.fits and n < rigid[0])]
+        return list(range(len(bodies))), ways
 
-    def _by_judge(self, bodies: Sequence[_Body], assemblies: Sequence[list[Pose]]) -> list[list[Pose]]:
-        """The frames of the assemblies that the rows themselves fit and hold, refined by them."""
-        if self.judge is None:
-            return []
-        which = [m for body in bodies for s in body.placed for m in self.chains[s][0]]
-        of = [n for n, body in enumerate(bodies) for s in body.placed for _ in self.chains[s][0]]
-        judged = []
-        for frames in assemblies:
-            stand = [
-                f @ p
-                for f, body in zip(frames, bodies, strict=True)
-                for p in self._frames(list(body.placed), body.placed)
-            ]
-            judged.append((frames, self.judge(which, of, stand)))
-        for body in bodies if judged else ():
-            told = [*(held for _, held in judged), *filter(None, [self._judged.get(tuple(body.placed))])]
-            self._judged[tuple(body.placed)] = min(told, key=lambda h: (not h.fits, h.looseness))
-        return [frames for frames, held in judged if held.fits and held.firm]
+    def _by_judge(
+        self, bodies: Sequence[_Body], assemblies: Sequence[list[Pose]]
+    ) -> tuple[list[int], list[list[Pose]]]:
+        """The bodies that the rows themselves hold, where they fit, and their frames: all of them, or where one hangs
+        loosely the others."""
+        judged = [(frames, self._asked(bodies, frames)) for frames in assemblies if self.judge is not None]
+        firm = [frames for frames, holds in judged if all(h.fits and h.firm for h in holds)]
+        if firm:
+            return list(range(len(bodies))), firm
+        for frames, holds in judged:
+            held = [0, *(n for n, h in enumerate(holds, 1) if h.fits and h.firm)]
+            fewer, at = [bodies[n] for n in held], [frames[n] for n in held]
+            if len(held) > 1 and all(h.fits and h.firm for h in self._asked(fewer, at)):
+                return held, [at]
+        return [], []
+
+    def _asked(self, bodies: Sequence[_Body], frames: Sequence[Pose]) -> Sequence[Held]:
+        """What the judge says of bodies near some frames, which is remembered."""
+        assert self.judge is not None
+        which: list[int] = []
+        of: list[int] = []
+        stand: list[Pose] = []
+        for n, (frame, body) in enumerate(zip(frames, bodies, strict=True)):
+            members = [m for s in body.placed for m in self.chains[s][0]]
+            which, of = which + members, of + [n] * len(members)
+            stand += [frame @ pose for pose in self._frames(list(body.placed), body.placed)]
+        holds = self.judge(which, of, stand)
+        for body, held in zip(bodies, [min(holds, key=_merit), *holds], strict=True):
+            known = self._judged.get(tuple(body.placed), held)
+            self._judged[tuple(body.placed)] = min(held, known, key=_merit)
+        return holds
 
     def _looked_again(self, body: _Body) -> _Body:
         """Every chain but the root fitted once more, to all the others: early links saw only part of them."""
@@ -302,6 +318,10 @@ def _freedoms(tied: Tied) -> IntArray:
     for a, b in np.argwhere(np.triu(rows[:n, :n] + rows[:n, n:] @ rows[n:, :n], 1)).tolist():
         out[a, b] = out[b, a] = Truss(tied.among([a, b], ALL_OF_THEM)).freedoms()[0, 1]
     return out
+
+
+def _merit(held: Held) -> tuple[bool, float]:
+    return not held.fits, held.looseness
 
 
 def _nothing() -> Outline:

@@ -4,7 +4,8 @@ Each sentence says what is known, and no more:
 
     they share nothing        there is no such row
     directions are open       by the null space of all rows at places that are not special: open there, open anywhere
-    held, but loosely         by the join of the submaps concerned, at a place where all rows fit
+    held, but loosely         by the join of the submaps concerned, at a place where all rows fit; as far as sigmas mean
+                              anything, which for angles of a quarter turn they no longer do
     no place was found        the rows could hold the frame, but the search, which is bounded, found no place where they
                               fit and do; whether there is none, nobody knows
 """
@@ -19,6 +20,7 @@ from teamslam.joining.place.ties import Tied
 from teamslam.model import WORLD, Submap, is_landmark, robot_of
 
 LOOSE = 0.5  # [rad], and of the distance: a frame that is held less firmly is free
+MEANT = 0.5 * np.pi  # [rad], and of the distance: up to here a sigma is a sigma
 WORDS = {
     "range_bearing": ("range and bearing", "ranges and bearings"),
     "relative_pose": ("relative pose", "relative poses"),
@@ -46,6 +48,11 @@ class Held:
     def firm(self) -> bool:
         """Whether the frame is held."""
         return bool(self.looseness <= LOOSE)
+
+    @property
+    def told(self) -> bool:
+        """Whether it is known how loosely it is held: a sigma beyond that says nothing of what lies so far off."""
+        return bool(self.fits and not self.firm and self.looseness <= MEANT)
 
 
 def why_apart(submap: Submap, tied: Tied, free: int, held: Held | None) -> str:
@@ -81,14 +88,14 @@ def why_apart(submap: Submap, tied: Tied, free: int, held: Held | None) -> str:
     cure = f"sightings from other sides and farther apart, {more}, or one sighting of a robot's pose, would join them"
     if free:
         return f"{tied_by}, which leave {_directions(free)} of their frame open: under-constrained; {cure}"
-    if held is not None and held.fits and not held.firm:
+    if held is not None and held.told:
         known = f"its heading to {held.turn:.2g} rad and its place to {held.place:.2g} m"
-        known = known if np.isfinite(held.looseness) else "there it can still turn or move"
         return f"{tied_by}, which at these sigmas hold their frame but loosely ({known}): under-constrained; {cure}"
     suspects = f"wrong {' or '.join(_noun(m, 2) for m in rows)}" if rows else "landmarks that were taken for others"
     return (
-        f"{tied_by}, which could hold their frame, but no place was found where they fit and do; look for {suspects}, "
-        f"for odometry that is worse than it says, or for a submap whose own measurements fit another map as well"
+        f"{tied_by}, which could hold their frame, but no place was found where they fit and do; sightings "
+        f"from other sides and farther apart would tell; else look for {suspects}, for odometry that is worse than it "
+        f"says, or for a submap whose own measurements fit another map as well"
     )
 
 
