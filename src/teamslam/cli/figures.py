@@ -1,11 +1,21 @@
 """Figures come last: by then the map is written, and nothing that happens to them can lose it."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from teamslam.pipeline import Progress
+
+
+def coming(figures: bool, processes: bool) -> AbstractContextManager[None]:
+    """While the block solves, another thread makes ready what figures are drawn with; not where others begin
+    `processes` meanwhile, which would be born with an import half done."""
+    from teamslam.solver import meanwhile
+    from teamslam.viz.style import ready
+
+    return meanwhile(ready) if figures and not processes else nullcontext()
 
 
 def drawn(figures: Callable[[Path], object], folder: Path, progress: "Progress") -> bool:

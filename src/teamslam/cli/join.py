@@ -83,7 +83,7 @@ def join(
 
     from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import complain, pairs, progress_bar, say
-    from teamslam.cli.figures import drawn
+    from teamslam.cli.figures import coming, drawn
     from teamslam.cli.parts import parts_beside, workers_for
     from teamslam.cli.sources import truth_in
     from teamslam.cli.words import counted, outcome
@@ -111,7 +111,8 @@ def join(
     crew = workers_for(workers, cluster)
     with progress_bar(quiet) as progress, ExitStack() as meanwhile:
         with parts_beside(out, crew) as parts:
-            record = _joined(admitted, known, beside, crew, parts, maps, progress)
+            with coming(figures, processes=crew is not None):
+                record = _joined(admitted, known, beside, crew, parts, maps, progress)
             progress("writing", 0, 0)
             drawings = meanwhile.enter_context(drawing(record)) if figures else None
             write_record(record, Config(), out)

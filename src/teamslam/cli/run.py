@@ -80,7 +80,7 @@ def run(
 
     from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import pairs, progress_bar, say
-    from teamslam.cli.figures import drawn
+    from teamslam.cli.figures import coming, drawn
     from teamslam.cli.options import config_for
     from teamslam.cli.parts import parts_beside, workers_for
     from teamslam.cli.words import outcome
@@ -101,7 +101,8 @@ def run(
         dataset = read(input, format=format, **options.read)
         progress("reading", 1, 1)
         with parts_beside(out, crew) as parts:
-            result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
+            with coming(figures, processes=crew is not None):
+                result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
             progress("writing", 0, 0)
             record = Record.of(result)
             drawings = meanwhile.enter_context(drawing(record)) if figures else None

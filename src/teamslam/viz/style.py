@@ -77,6 +77,17 @@ def robot_marker(order: int) -> str:
     return ROBOT_MARKERS[order % len(ROBOT_MARKERS)]
 
 
+def ready() -> None:
+    """Import what figures are drawn with, and let it find its fonts: as much work as to draw a few of them."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    figure.add_subplot().plot([0, 1], label="any")
+    figure.legend()
+    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+
+
 def styled(function: Callable[P, T]) -> Callable[P, T]:
     """Draw with this style, and leave matplotlib's settings as they were."""
 
