@@ -1,6 +1,7 @@
 """A run folder is whole or not there, is never written over unasked, and gives the run back."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from teamslam.config import Config, JoinOptions, read_config
 from teamslam.errors import InputError
+from teamslam.io.submaps.arrays import write_submap
 from teamslam.pipeline import Result, run
 from teamslam.results import Record, read_run, write_run
 from teamslam.results.figures import headline
@@ -136,6 +138,18 @@ def test_a_damaged_run_is_refused_by_the_file_at_fault(result: Result, tmp_path:
     (tmp_path / "run" / name).unlink()
     with pytest.raises(InputError, match=name):
         read_run(tmp_path / "run")
+
+
+def test_a_map_that_is_not_determined_is_refused(result: Result, tmp_path: Path) -> None:
+    """Its information is proved on reading, as that of any submap."""
+    write_run(result, tmp_path / "run", figures=False)
+    (file,) = (tmp_path / "run" / "maps").iterdir()
+    free = result.map.information.copy()
+    free.data[free.indices == np.repeat(np.arange(free.shape[0]), np.diff(free.indptr))] *= -1.0
+    write_submap(replace(result.map, information=free), file)
+    with pytest.raises(InputError, match="not positive definite") as told:
+        read_run(tmp_path / "run")
+    assert told.value.path == tmp_path / "run" / "maps"
 
 
 def test_a_report_holds_every_field_that_scripts_rely_on(record: Record) -> None:

@@ -15,7 +15,7 @@ What is in it:
 import csv
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -25,12 +25,13 @@ from zipfile import BadZipFile
 import numpy as np
 
 from teamslam.config import Config, write_config
-from teamslam.errors import InputError
-from teamslam.io import read_submaps, write_submaps
+from teamslam.errors import InputError, SolveError
+from teamslam.io import write_submaps
 from teamslam.io.files.npz import write_arrays
 from teamslam.io.files.whole import named
 from teamslam.io.maps.tum import write_trajectories
-from teamslam.model import Layout, Values
+from teamslam.io.submaps import arrays as submaps
+from teamslam.model import Layout, Submap, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
 from teamslam.results.drawing import drawing
@@ -105,12 +106,20 @@ def read_run(folder: str | Path) -> Record:
             )
     report = read_report(folder)
     truth, sightings = _read_log(folder / "log.npz")
-    maps = tuple(read_submaps(folder / "maps"))
+    maps = tuple(submaps.read(folder / "maps", prove=False))
     try:
         histories = read_histories(folder / "history.csv", len(maps))
     except (ValueError, IndexError, csv.Error) as error:
         raise InputError(f"not a table of solver steps: {error}", path=folder / "history.csv") from None
-    return Record(maps, tuple(map(Covariances.of_map, maps)), truth, sightings, histories, report)
+    return Record(maps, _covariances(maps, folder / "maps"), truth, sightings, histories, report)
+
+
+def _covariances(maps: Sequence[Submap], path: Path) -> tuple[Covariances, ...]:
+    """Those of each map; their factors prove that they are maps."""
+    try:
+        return tuple(Covariances.of_map(found).determined() for found in maps)
+    except SolveError:
+        raise InputError("the information is not positive definite: the map is not determined", path=path) from None
 
 
 def with_residuals(record: Record, folder: str | Path) -> Record:

@@ -46,6 +46,11 @@ class Covariances:
         information = self._information() if callable(self._information) else self._information
         return Factor.of(self.layout, information, self._names, self._values)
 
+    def determined(self) -> "Covariances":
+        """Itself, its factor made. Raises SolveError where a variable is not determined."""
+        self._factor  # noqa: B018
+        return self
+
     @cached_property
     def all(self) -> list[Array]:
         """The marginal covariance of every variable, in the order of the layout; all at once (selected inverse)."""

@@ -105,14 +105,15 @@ def sniff(path: Path) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def read(path: Path) -> list[Submap]:
-    """The submap in a file, or those of a folder by name. InputError names the file that cannot be read."""
+def read(path: Path, *, prove: bool = True) -> list[Submap]:
+    """The submap in a file, or those of a folder by name; `prove` as in `read_submap`. InputError names the file that
+    cannot be read."""
     if not path.is_dir():
-        return [read_submap(path)]
+        return [read_submap(path, prove=prove)]
     files = sorted(path.glob(f"*{SUFFIX}"))
     if not files:
         raise InputError(f"expected files *{SUFFIX} in this folder, found none", path=path)
-    return [read_submap(file) for file in files]
+    return [read_submap(file, prove=prove) for file in files]
 
 
 def write(submaps: Sequence[Submap], path: Path) -> tuple[Dropped, ...]:
@@ -132,8 +133,8 @@ def write(submaps: Sequence[Submap], path: Path) -> tuple[Dropped, ...]:
 def read_submap(path: str | Path, *, prove: bool = True) -> Submap:
     """The submap in a file. InputError says what is wrong with it.
 
-    `prove`: factorise the information to see that it is positive definite, which is most of the work; False for files
-    that the caller itself has written, whose digest shows that they are as they were.
+    `prove`: factorise the information to see that it is positive definite, which is most of the work; False where the
+    caller does so, and for files that it has written itself, whose digest shows that they are as they were.
     """
     path = Path(path)
     try:
