@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from teamslam.geometry import Pose
 from teamslam.joining import build, full, join, split
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import is_landmark, is_pose
+from teamslam.model import Table, Values, is_landmark, is_pose, landmark_key, pose_key, pose_kind
 from worlds import team
 
 
@@ -31,6 +34,23 @@ def test_a_robot_with_a_poor_sensor_still_maps(model: str) -> None:
     assert is_landmark(joined.map.values.layout.keys).sum() == len(dataset.landmark_keys)
     for map_ in (joined.map, baseline.map):
         assert np.abs(map_.values.minus(truth.only(map_.values.layout.keys))).max() < 0.5
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["bearing", "range"]), st.sampled_from([2, 3]), st.floats(-6.0, 2.0))
+@settings(max_examples=25)
+def test_one_sighting_that_tells_less_than_a_place_gives_none(seed: int, model: str, dim: int, power: float) -> None:
+    """Of many landmarks, each seen from a pose of its own: from anywhere, in any direction, however sharply."""
+    rng, n = np.random.default_rng(seed), 60
+    eyes = Pose.from_tangent(rng.normal(scale=2.0, size=(n, 3 if dim == 2 else 6)), dim)
+    rays = rng.normal(size=(n, dim))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    directions = np.arctan2(rays[:, 1:], rays[:, :1]) if dim == 2 else rays
+    seen = rng.uniform(0.1, 9.0, (n, 1)) if model == "range" else directions
+    sharp = 10.0**-power * np.eye(1 if model == "range" else dim - 1)[None]
+    keys = np.stack([pose_key(1, np.arange(n)), landmark_key(np.arange(n))], -1)
+    table = Table(1, "landmarks", model, dim, keys, seen, sharp, np.arange(n))
+    start = Values.of({pose_kind(dim): (keys[:, 0], eyes)})
+    assert not triangulate(start, [table]).layout.contains(keys[:, 1]).any()
 
 
 def test_one_bearing_leaves_a_landmark_out() -> None:

@@ -20,6 +20,7 @@ from teamslam.joining.start.targets import place_targets
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, point_kind
 
 HELD = 0.5  # the largest share of its distance by which a landmark may be uncertain
+ROUNDING = 1e-14  # of the largest information on a place: less is none
 STEPS = 8  # of the refinement: quadratic near the answer
 MOST = 40  # sightings of one landmark that are looked at; more would not tell more of its place
 
@@ -165,8 +166,10 @@ class Bundle:
             np.minimum.at(nearest, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
             looked_at += np.bincount(rays.mark, minlength=n)
         known = np.isfinite(information).all((1, 2), keepdims=True)  # a landmark where its sensor is has no bearing
-        least = np.linalg.eigvalsh(np.where(known, information, 0.0))[:, 0] * self.seen / np.maximum(looked_at, 1.0)
-        return np.asarray((least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
+        sizes = np.linalg.eigvalsh(np.where(known, information, 0.0))
+        least = sizes[:, 0] * self.seen / np.maximum(looked_at, 1.0)
+        told = sizes[:, 0] > ROUNDING * sizes[:, -1]  # and not by what differences leave of nothing
+        return np.asarray(told & (least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
 
 
 def kinds_of(tables: Sequence[Table]) -> Layout:
