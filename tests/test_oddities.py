@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import faults
 import teamslam as ts
 from teamslam.geometry import Array, Pose
 from teamslam.model import Dataset, Names, Table, Values, index_of, is_landmark, pack, pose_key, robot_of
@@ -40,11 +41,6 @@ def turned_in_degrees(table: Table) -> Array:
     return pack(Pose.from_xytheta(steps))
 
 
-def bearings_in_degrees(table: Table) -> Array:
-    """The last number of each row in degrees."""
-    return np.concatenate([table.values[:, :-1], np.degrees(table.values[:, -1:])], -1)
-
-
 @pytest.mark.parametrize("name", REAL)
 def test_real_logs_have_none(data: Callable[[str], Path], name: str) -> None:
     """No sensor of theirs was written in another unit, and no row twice."""
@@ -68,26 +64,33 @@ def test_simulated_logs_have_none(space: str, seed: int) -> None:
     ],
 )
 def test_lengths_in_another_unit_are_told(space: str, source: str, called: str, unit: str, factor: float) -> None:
-    """Of each robot, and of the right sensor."""
+    """Of all robots that hold them, and of the right sensor."""
     log = planted(simulate(Options(space=space, robots=2), 6), source, longer(factor))
-    found = list(oddities(log))
-    assert len(found) == 2
-    assert all(f"robot {n}, " in text and f"{called}: lengths are in {unit}" in text for n, text in enumerate(found, 1))
+    (found,) = oddities(log)
+    assert f"all robots, {called}: lengths are in {unit}" in found and "expected metres" in found
 
 
-def test_units_of_a_real_log_are_told(data: Callable[[str], Path]) -> None:
-    """Millimetres in odometry, degrees in bearings."""
-    log = ts.read(data("mrclam_9"))
-    found = list(oddities(planted(log, "odometry", longer(1e3))))
-    assert found and all("odometry: lengths are in millimetres" in text for text in found)
-    found = list(oddities(planted(log, "landmarks", bearings_in_degrees)))
-    assert found and all("sightings of landmarks: angles are in degrees, as far" in text for text in found)
+@pytest.mark.parametrize("name", ["mrclam_1", "mrclam_6", "mrclam_7", "mrclam_9"])
+def test_mistakes_in_real_logs_are_told(data: Callable[[str], Path], name: str) -> None:
+    """Lengths and angles in other units, bearings the other way round, in sightings of landmarks, of robots, and in
+    odometry: of all robots, though bearings of some sets are loose."""
+    log = ts.read(data(name))
+    for source, change, words in (
+        ("odometry", faults.longer(1e3), "odometry: lengths are in millimetres"),
+        ("landmarks", faults.longer(1e3), "sightings of landmarks: lengths are in millimetres"),
+        ("landmarks", faults.degrees, "sightings of landmarks: angles are in degrees"),
+        ("landmarks", faults.negated_angle, "sightings of landmarks: bearings have the wrong sign"),
+        ("robots", faults.negated_angle, "sightings of robots: bearings have the wrong sign"),
+    ):
+        found = list(oddities(faults.plant(log, change, source=source)))
+        assert found or (name, source) == ("mrclam_1", "robots")  # whose robots hardly met in any stretch
+        assert all("it looks like this" in text and words in text for text in found), (source, words)
 
 
 def test_turns_in_degrees_are_told() -> None:
     """Though only their remainder by whole turns is left."""
-    found = list(oddities(planted(simulate(Options(space="2d", robots=2), 7), "odometry", turned_in_degrees)))
-    assert len(found) == 2 and all("odometry: turns are in degrees" in text for text in found)
+    (found,) = oddities(planted(simulate(Options(space="2d", robots=2), 7), "odometry", turned_in_degrees))
+    assert "all robots, odometry: turns are in degrees" in found
 
 
 def test_landmarks_whose_names_are_one_number() -> None:

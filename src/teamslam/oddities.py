@@ -3,7 +3,7 @@
 names      landmarks `1` and `1.0`, which are one number and two landmarks
 twice      rows that stand in two logs of a robot, or numbers of one robot in another's log
 truth      a truth that knows none of a robot's poses
-units      lengths or angles that do not fit between odometry and sightings (see `trust.causes.units`)
+mistakes   signs, units, axes and clocks that do not fit between odometry and sightings (see `trust.causes.told`)
 """
 
 import itertools
@@ -13,7 +13,7 @@ import numpy as np
 
 from teamslam.geometry import AnyArray
 from teamslam.model import Dataset, Table, index_of, is_landmark, is_pose, robot_of
-from teamslam.trust.causes.units import units_that_do_not_fit
+from teamslam.trust.causes.told import looks_like
 
 COPIED = 0.5  # of the rows of a log that another robot's holds too
 FEWEST = 5
@@ -24,8 +24,7 @@ def oddities(dataset: Dataset) -> Iterator[str]:
     yield from _twin_names(dataset)
     yield from _in_two_logs(dataset)
     yield from _out_of_truth(dataset)
-    for robot in sorted(dataset.robots):
-        yield from units_that_do_not_fit(dataset, robot)
+    yield from (f"it looks like this: {cause.sentence}" for cause in looks_like(dataset))
 
 
 def _twin_names(dataset: Dataset) -> Iterator[str]:

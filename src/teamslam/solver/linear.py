@@ -116,6 +116,10 @@ class Factor:
         """H^-1 right, right (n,) or (n, k)."""
         return np.asarray(self._factor.solve(right))
 
+    def log_determinant(self) -> float:
+        """log det H."""
+        return self._factor.log_determinant()
+
     def draws(self, white: Array) -> Array:
         """H^-1/2 white, white (n,) or (n, k): columns of white noise become draws whose covariance is H^-1."""
         return np.asarray(self._factor.solve_upper(white))

@@ -85,9 +85,13 @@ class Rows:
     @property
     def observers(self) -> IntArray:
         """The robot's own pose that each row was taken from (m,), the later of two; 0 where there is none."""
-        keys = self.table.keys
-        own = (robot_of(keys) == self.table.robot) & is_pose(keys)
-        return np.asarray(np.where(own, keys, 0).max(-1))
+        return observers(self.table)
+
+
+def observers(table: Table) -> IntArray:
+    """The robot's own pose that each row of a table was taken from (m,), the later of two; 0 where there is none."""
+    own = (robot_of(table.keys) == table.robot) & is_pose(table.keys)
+    return np.asarray(np.where(own, table.keys, 0).max(-1))
 
 
 @dataclass(frozen=True, eq=False)

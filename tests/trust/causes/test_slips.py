@@ -13,7 +13,6 @@ PLANTED = {
     "axes x -y z": faults.mirrored,
     "axes y x z": faults.axes,
     "millimetres": faults.longer(1e3),
-    "kilometres": faults.longer(1e-3),
     "inverse": faults.inverted,
     "turns x -y z": faults.negated_angle,
     "places y x z": faults.swapped,

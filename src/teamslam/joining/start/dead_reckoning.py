@@ -25,15 +25,20 @@ def dead_reckoning(piece: Dataset, robot: int) -> Values:
     which, row, backward = odometry_links(piece, robot, poses)
     if (which < 0).any():
         return Values.of({pose_kind(dim): (poses, chordal(own_rows(piece, robot), poses, dim))})
+    return Values.of({pose_kind(dim): (poses, compose_along(steps_along(piece, dim, which, row, backward)))})
+
+
+def steps_along(piece: Dataset, dim: int, which: IntArray, row: IntArray, backward: IntArray) -> Pose:
+    """The steps (n,) of a chain whose links `odometry_links` gives; no motion where nothing links two poses."""
     rotation, translation = np.tile(np.eye(dim), (len(which), 1, 1)), np.zeros((len(which), dim))
-    for number in np.unique(which).tolist():
+    for number in np.unique(which[which >= 0]).tolist():
         steps = np.flatnonzero(which == number)
         measured = measured_poses(piece.tables[number].select(row[steps]), dim)
         back = backward[steps] == 1
         inverse = measured.inverse()
         rotation[steps] = np.where(back[:, None, None], inverse.rotation, measured.rotation)
         translation[steps] = np.where(back[:, None], inverse.translation, measured.translation)
-    return Values.of({pose_kind(dim): (poses, compose_along(Pose(rotation, translation)))})
+    return Pose(rotation, translation)
 
 
 def own_chain(piece: Dataset, robot: int) -> IntArray:

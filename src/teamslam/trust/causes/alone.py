@@ -1,45 +1,46 @@
 """A robot by itself: which mistake in its odometry or its sightings makes them contradict each other.
 
-rank:  every mistake that its tables may hold, by how well triangles of two looks and the odometry between them
-       close without it (see `pairs`); of the stretch of its way where they close worst as it is
-try:   that stretch solved without each of the best few, and with its clock put right; the likelihood decides
-tell:  a mistake counts where the stretch fits without it. What fits as well is told with it: a robot that sees all
-       things mirrored cannot know whether its eyes are wrong or its wheels
+screen: every mistake that its tables may hold, and its clock, by what two looks at a landmark say of it (see `looks`)
+try:    the stretch where these fit worst, solved without each of the few that they speak for; the likelihood decides
+tell:   a mistake counts where the stretch fits without it. What fits as well is told with it: a robot that sees all
+        things mirrored cannot know whether its eyes are wrong or its wheels
+
+What it costs does not grow with the log: at most TRIED + 1 stretches are solved of a robot, and none where the looks
+speak for nothing.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from teamslam.errors import TeamslamError
-from teamslam.joining import split
-from teamslam.model import Dataset, Table, index_of, is_landmark, robot_of
-from teamslam.trust.causes.clocks import earlier, offset
-from teamslam.trust.causes.pairs import misfit, pairs_of, way_of
-from teamslam.trust.causes.slips import slips, without
+from teamslam.model import Dataset, Table
+from teamslam.trust.causes.clocks import earlier, offset, taken_earlier, usual_step
+from teamslam.trust.causes.looks import Looks, off, unlikely
+from teamslam.trust.causes.pairs import Closing
+from teamslam.trust.causes.slips import slips, without, written
 from teamslam.trust.causes.trial import Trial
 from teamslam.trust.causes.turns import with_turns_in_radians
 
-POSES = 80  # of a stretch
-STRETCHES = 4  # that are looked at
-TRIED = 6  # mistakes of the best rank
-FAR = 25.0  # of a triangle's misfit: what is more is as bad
-FEWEST = 20  # triangles
+TRIED = 6  # mistakes, the likeliest
+LIKELY = 0.3  # of the gain of the likeliest, that another has which is tried
+LEFT = 0.85  # of how far triangles are off, without a mistake that is tried
 SUSPECT = 1.3  # times the expected cost: a stretch that costs less needs no explanation
-FITS = 2.0  # times the expected cost: a stretch that costs more is not explained
+FITS = 2.0  # times the expected cost: what costs more between robots is not explained
+POORLY = 3.0  # and in a log that fits poorly anyway, of which the looks speak plainly
 COLLAPSED = 0.1  # times the expected cost: a stretch that costs less was shrunk to nothing, which explains nothing
 EXPLAINED = 0.8  # of a stretch's excess, at least
 LEAST = 0.05  # of a usual step between poses: a clock that is off by less is not worth a word
-SURE = 16.0  # of -2 log likelihood: four sigmas between the best mistake and another
+SURE = 16.0  # of -2 log likelihood: four sigmas between the best mistake and none
+LIKE = 40.0  # of it: what is told with the best, as noise is not quite what is stated
 
 
 @dataclass(frozen=True, eq=False)
 class Mistake:
     """A mistake in the logs of some robots: `source` and `looks` of what holds it, `mend` takes it out of any part of
-    their logs; `unit` and `changes` as of a slip; `amount` [ticks], where it has one, is what {} in `looks` stands
-    for."""
+    their logs; `unit` is log f of all numbers that it changes, `changes` as of a slip; `amount` [ticks], where it has
+    one, is what {} in `looks` stands for."""
 
     robots: tuple[int, ...]
     source: str
@@ -74,72 +75,86 @@ class Found:
         return float(np.clip((self.before - self.after) / max(self.before - self.expected, 1e-12), 0.0, 1.0))
 
 
-def mistake_of(log: Dataset, robot: int) -> Found | None:
-    """The mistake that makes one robot's own log contradict itself; None where it does not, or none explains it."""
-    stretch = worst_stretch(own(log, robot), robot)
+def mistake_of(log: Dataset, robot: int, left: float = LEFT) -> Found | None:
+    """The mistake that makes one robot's own log contradict itself; None where it does not, or none explains it. Tried
+    are those without which triangles are off by less than a share `left` of what they are."""
+    looks = Looks.of(log, robot)
+    suspected = suspects(looks, left) if looks is not None else []
+    stretch = looks.worst() if looks is not None and suspected else None
     if stretch is None:
         return None
     as_it_is = Trial.of(stretch)
     if as_it_is.ratio < SUSPECT:
         return None
-    tried = [(mistake, Trial(mistake.mend(as_it_is.log))) for mistake in suspects(as_it_is, robot)]
-    good = [(mistake, trial) for mistake, trial in tried if trial.ratio < FITS]
-    found = likeliest(as_it_is.cost, as_it_is.expected, good)
+    tried = [(mistake, Trial(mistake.mend(as_it_is.log))) for mistake in suspected]
+    good = [(mistake, trial) for mistake, trial in tried if trial.ratio < POORLY]
+    found = likeliest(as_it_is, as_it_is.expected, good)
     return found if found is not None and found.explains > EXPLAINED else None
 
 
-def own(log: Dataset, robot: int) -> Dataset:
-    """What a robot measured without the others: its odometry, and landmarks."""
-    tables = [table for table in log.of_robot(robot).tables if not table.row.unary]
-    mine = [((robot_of(t.keys) == robot) | is_landmark(t.keys)).all(1) for t in tables]
-    kept = [table.select(rows) for table, rows in zip(tables, mine, strict=True)]
-    return log.with_tables(table for table in kept if len(table))
+def suspects(looks: Looks, left: float = LEFT) -> list[Mistake]:
+    """The mistakes that the looks of a robot speak for, at most TRIED, the likeliest first."""
+    before = off(looks.as_written)
+    found = [e for e in (*_of_tables(looks), *_of_turns(looks), *_of_clock(looks)) if e.off < left * before]
+    gains = sorted(found, key=lambda evidence: -evidence.gain)
+    return [e.mistake for e in gains if e.gain > LIKELY * gains[0].gain][:TRIED]
 
 
-def worst_stretch(log: Dataset, robot: int) -> Dataset | None:
-    """The stretch of a robot's way, of those with most looks, where the triangles close worst; None without any."""
-    pieces = split(log, poses_per_piece=POSES)
-    looks = [sum(len(pairs_of(piece, robot, table)) for table in piece.tables) for piece in pieces]
-    many = [pieces[n] for n in np.argsort(-np.array(looks), kind="stable")[:STRETCHES] if looks[n] >= FEWEST]
-    return max(many, key=lambda piece: closing(piece, robot), default=None)
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the looks of a robot say of a mistake: by how much likelier they are without it, and how far their triangles
+    are then off (`looks.off`)."""
+
+    mistake: Mistake
+    gain: float
+    off: float
 
 
-def closing(piece: Dataset, robot: int) -> float:
-    """How badly triangles close on average, far ones as one; FAR where there is no way to be had."""
-    try:
-        way = way_of(piece, robot)
-    except TeamslamError:
-        return FAR
-    off = np.concatenate([np.zeros(0), *(misfit(t, pairs_of(piece, robot, t), way) for t in piece.tables)])
-    return float(np.mean(np.minimum(off, FAR))) if len(off) else 0.0
+def _of_tables(looks: Looks) -> Iterator[Evidence]:
+    """The slips that the robot's tables may hold."""
+    tables = looks.log.tables
+    for source, model in dict.fromkeys((table.source, table.model) for table in tables):
+        mine = [table for table in tables if (table.source, table.model) == (source, model)]
+        for name in names_of_slips(mine):
+            mistake = slip_of(name, (looks.robot,), mine)
+            counts = zip(tables, looks.pairs, strict=True)
+            unit = sum(len(p) * written(t, name) for t, p in counts if (t.source, t.model) == (source, model))
+            yield from _supported(looks, mistake, looks.meant(mistake.mend(looks.log)), unit)
 
 
-def suspects(as_it_is: Trial, robot: int) -> Iterator[Mistake]:
-    """The mistakes to try on a stretch."""
-    piece = as_it_is.log
-    found = sorted(_of_tables(piece, robot), key=lambda mistake: closing(mistake.mend(piece), robot))
-    yield from found[:TRIED]
-    meant = with_turns_in_radians(piece, robot).tables
-    if turned := [new for new, old in zip(meant, piece.tables, strict=True) if new is not old]:
-        unit = sum(map(len, turned)) * float(np.log(np.pi / 180.0))
+def _of_turns(looks: Looks) -> Iterator[Evidence]:
+    """Turns of odometry in degrees."""
+    robot = looks.robot
+    meant = with_turns_in_radians(looks.log, robot)
+    turned = sum(len(new) for new, old in zip(meant.tables, looks.log.tables, strict=True) if new is not old)
+    if turned:
+        unit = turned * float(np.log(np.pi / 180.0))
         change = partial(with_turns_in_radians, robot=robot)
-        yield Mistake((robot,), "odometry", "degrees", "turns are in degrees", change, unit)
-    try:
-        ticks = offset(piece, robot, lambda log: closing(log, robot))
-    except TeamslamError:
-        return
-    chain = index_of(piece.pose_keys[robot])
-    if abs(ticks) > LEAST * float(np.median(np.diff(chain))):
-        looks = f"stamps are {{}} {'late' if ticks > 0.0 else 'early'} for the odometry"
-        change = partial(earlier, robot=robot, ticks=ticks)
-        yield Mistake((robot,), "sightings", "clock", looks, change, amount=ticks)
+        mistake = Mistake((robot,), "odometry", "degrees", "turns are in degrees", change, unit)
+        yield from _supported(looks, mistake, looks.meant(meant), 0.0)
 
 
-def _of_tables(piece: Dataset, robot: int) -> Iterator[Mistake]:
-    """The slips that the tables of a piece may hold."""
-    for source, model in dict.fromkeys((table.source, table.model) for table in piece.tables):
-        mine = [table for table in piece.tables if (table.source, table.model) == (source, model)]
-        yield from (slip_of(name, (robot,), mine) for name in names_of_slips(mine))
+def _of_clock(looks: Looks) -> Iterator[Evidence]:
+    """Sightings that are stamped late or early for the odometry."""
+    chain, robot = looks.log.pose_keys[looks.robot], looks.robot
+
+    def closings(ticks: float) -> list[Closing]:
+        return looks.by(replace(looks.way, poses=taken_earlier(chain, looks.way.poses, ticks)))
+
+    ticks = offset(chain, lambda ticks: unlikely(closings(ticks)))
+    if abs(ticks) > LEAST * usual_step(chain):
+        said = f"stamps are {{}} {'late' if ticks > 0.0 else 'early'} for the odometry"
+        mistake = Mistake(
+            (robot,), "sightings", "clock", said, partial(earlier, robot=robot, ticks=ticks), amount=ticks
+        )
+        yield from _supported(looks, mistake, closings(ticks), 0.0)
+
+
+def _supported(looks: Looks, mistake: Mistake, closings: Sequence[Closing], unit: float) -> Iterator[Evidence]:
+    """The evidence for a mistake, if the looks are surely likelier without it."""
+    gain = looks.gain(closings) + 2.0 * unit
+    if gain > SURE:
+        yield Evidence(mistake, gain, off(closings))
 
 
 def names_of_slips(tables: Sequence[Table]) -> list[str]:
@@ -160,24 +175,24 @@ def slip_of(name: str, robots: tuple[int, ...], tables: Sequence[Table]) -> Mist
             without(table, name) if table.robot in robots and concerned(table) else table for table in log.tables
         )
 
-    unit = sum(rows * slip.unit for rows, slip in found)
+    unit = sum(rows * slip.written for rows, slip in found)
     return Mistake(robots, source, first.kind, first.looks, mend, unit, first.changes)
 
 
-def likeliest(before: float, due: float, tried: Sequence[tuple[Mistake, Trial]]) -> Found | None:
-    """The likeliest of the mistakes that were tried on a stretch that costs `before` and is `due` to cost less, with
-    those that are about as likely; None where none is surely likelier than that there is none."""
-    rank = {id(m): trial.cost - 2.0 * m.unit for m, trial in tried}
+def likeliest(as_it_is: Trial, due: float, tried: Sequence[tuple[Mistake, Trial]]) -> Found | None:
+    """The likeliest of the mistakes that were tried on a stretch that is `due` to cost less than it does, with those
+    that are about as likely; None where none is surely likelier than that there is none."""
+    extent = next((t.extent for t in (as_it_is, *(t for _, t in tried)) if t.optima), 1.0)
+    rank = {id(m): trial.unlikely(extent) - 2.0 * m.unit for m, trial in tried}
     best, trial = min(tried, key=lambda t: (rank[id(t[0])], t[0].changes), default=(None, None))
     if best is None or trial is None or not np.isfinite(rank[id(best)]) or trial.cost < COLLAPSED * due:
         return None
     sure = SURE * max(trial.ratio, 1.0)  # noise that is larger than stated decides as much less
     most = rank[id(best)] + sure
-    if before < most:
+    if as_it_is.unlikely(extent) < most:
         return None
-    near = sorted((m for m, _ in tried if rank[id(m)] < most), key=lambda m: -m.changes)
-    each = {(m.robots, m.source, m.kind): m for m in near}
-    least = {(m.robots, m.source): m.changes for m in near}  # of one sensor the least changes
-    each = {key: m for key, m in each.items() if m.changes == least[m.robots, m.source]}
-    order = sorted(each.values(), key=lambda m: (m.changes, m.source, m.kind))
-    return Found(tuple(order), before, trial.cost, due)
+    near = [m for m, _ in tried if rank[id(m)] < rank[id(best)] + LIKE * max(trial.ratio, 1.0)]
+    least = min(m.changes for m in near)
+    each = {m.key: m for m in near if m.changes == least}
+    order = sorted(each.values(), key=lambda m: (m.source, m.kind, m.looks))
+    return Found(tuple(order), as_it_is.cost, trial.cost, due)

@@ -3,39 +3,49 @@
     in sightings of robots    the slips of their tables, by one robot or by all
     in a whole robot          all its lengths in another unit, all it sees and does mirrored, its clock behind
 
-A stretch of the team's log is solved with and without each. What the best leave of sightings of robots is first looked
-at from where the landmarks alone put the robots, where they do: there nothing is bent by the sightings in question.
+A stretch of the team's log is solved with and without each, at most MOST_TRIED of them; none where the residuals at the
+map leave no room for a mistake. Sightings of robots are first looked at from where the landmarks alone put the robots,
+where they do: there nothing is bent by the sightings in question.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice, zip_longest
 
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import Dataset, Table, Values, index_of, is_pose, robot_of
+from teamslam.model import Dataset, Table, Values, chi2_quantile, index_of, is_landmark, is_pose, robot_of
 from teamslam.trust.causes.alone import (
     FITS,
     Found,
     Mistake,
     likeliest,
     names_of_slips,
-    own,
     slip_of,
 )
 from teamslam.trust.causes.clocks import at_other_times, least_bad
+from teamslam.trust.causes.looks import own
 from teamslam.trust.causes.retime import with_clock_ahead
-from teamslam.trust.causes.slips import MIRRORED, TOO, UNITS, without
-from teamslam.trust.causes.trial import Trial
+from teamslam.trust.causes.slips import MIRRORED, TOO, UNITS, without, written
+from teamslam.trust.causes.trial import Trial, log_determinant
+from teamslam.trust.residuals import Rows
+from teamslam.trust.tally import whole
 
-TRIED, TRIED_BLINDLY = 2, 8  # slips of one sensor
+TRIED, TRIED_BLINDLY = 2, 5  # slips of one sensor
 LIKELY = ("sign", "direction", "degrees", "unit", "axes")  # what is tried first, where nothing says more
 MOST_ROBOTS = 3  # that are suspected one by one
+MOST_TRIED = 20  # mistakes, of a round
 ROUNDS = 2  # mistakes that are sought, one after the other
 GAIN = 0.3  # of the excess, that each must take away
 EXCESS = 50.0  # of cost, between robots: what is less needs no explanation
 SHOWS = 5.0  # times what is due, that a whole robot mirrored, or in another unit, costs at least
 LEAST = 0.05  # of a usual step: a clock that is off by less is not worth a word
+FEWEST_SHARED = 4  # landmarks of two maps that tell of their shapes
+NEAR_UNIT = 0.4  # of log f: how near a unit that must be; feet are 1.2 from metres
+MIRROR = 0.5  # of the squared distances that are left, in a mirror
+HALF_OFF = 2.0  # times the median of chi-square: squared residuals of half the rows of a sensor
 OFFSETS = (0.5, 1.0, 2.0)
 """Of a robot's clock, in usual steps between poses: those that are tried first."""
 
@@ -44,50 +54,73 @@ def mistakes_between(stretch: Dataset, order: Sequence[int]) -> list[Found]:
     """The mistakes between robots that explain a stretch of the team's log, robots being suspected in `order`; none
     where it costs no more than its robots do by themselves, or where even all together do not explain it."""
     found: list[Found] = []
-    trial = Trial.of(stretch)
-    due = _due(trial)
-    if not np.isfinite(due):
+    team = _Team.of(Trial.of(stretch))
+    if not np.isfinite(team.due):
         return []  # a robot that contradicts itself, for no reason known
     for _ in range(ROUNDS):
-        if trial.cost < FITS * due and not _linked_badly(trial, due):
+        if not team.disagrees:
             return found
-        tried = [(m, Trial(m.mend(trial.log))) for m in _suspects(trial, due, list(order)[:MOST_ROBOTS])]
-        best = likeliest(trial.cost, due, tried)
+        tried = list(islice(_tried(team, list(order)[:MOST_ROBOTS]), MOST_TRIED))
+        best = likeliest(team.trial, team.due, tried)
         if best is None or best.explains < GAIN:
             return []
         found.append(best)
-        trial = Trial(best.alternatives[0].mend(trial.log))
-    return found if trial.cost < FITS * due and not _linked_badly(trial, due) else []
+        team = replace(team, trial=Trial(best.alternatives[0].mend(team.trial.log)))
+    return [] if team.disagrees else found
 
 
-def _due(trial: Trial) -> float:
-    """What a stretch may cost: its robots by themselves as much as they do, what is between them as it should."""
-    alone = [Trial(own(trial.log, robot)) for robot in dict.fromkeys(table.robot for table in trial.log.tables)]
-    return sum(t.cost for t in alone) + max(trial.expected - sum(t.expected for t in alone), 0.0)
+@dataclass(frozen=True, eq=False)
+class _Team:
+    """A stretch of the team's log, each robot's part of it by itself, and what the whole is `due` to cost: the robots
+    as much as they do by themselves, what is between them as it should."""
+
+    trial: Trial
+    alone: dict[int, Trial]
+    due: float
+
+    @classmethod
+    def of(cls, trial: Trial) -> "_Team":
+        alone = {robot: Trial(own(trial.log, robot)) for robot in dict.fromkeys(t.robot for t in trial.log.tables)}
+        between = trial.expected - sum(t.expected for t in alone.values())
+        return cls(trial, alone, sum(t.cost for t in alone.values()) + max(between, 0.0))
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the robots together cost notably more than they may."""
+        links = sum(table.dof for table in self.trial.log.tables if table.observes_robots)
+        return self.trial.cost >= FITS * self.due or self.trial.cost - self.due > max(EXCESS, links)
 
 
-def _linked_badly(trial: Trial, due: float) -> bool:
-    """Whether the robots together cost notably more than they may."""
-    links = sum(table.dof for table in trial.log.tables if table.observes_robots)
-    return trial.cost - due > max(EXCESS, links)
+def may_disagree(rows: Sequence[Rows]) -> bool:
+    """Whether the residuals at a team's map leave room for a mistake between robots: sightings of robots cost more than
+    chance allows, or half of what some sensor measured is farther off than it should be, as where a robot has all in a
+    mirror."""
+    links = [r for r in rows if r.table.observes_robots]
+    if links and bool(whole(links).high[0]) and float(whole(links).excess[0]) > EXCESS:
+        return True
+    halves = [float(np.median(r.squared / chi2_quantile(0.5, np.maximum(r.numbers, 1)))) for r in rows if len(r)]
+    return max(halves, default=0.0) > HALF_OFF
 
 
-def _suspects(trial: Trial, due: float, order: Sequence[int]) -> Iterator[Mistake]:
-    log = trial.log
-    blind = Trial(_without_links(log)).values
+def _tried(team: _Team, order: Sequence[int]) -> Iterator[tuple[Mistake, Trial]]:
+    """The mistakes that may be between robots, the likeliest of each kind first, each with the stretch solved without
+    it: near where the landmarks alone put the robots, where they do."""
+    log = team.trial.log
+    alone = Trial(without_links(log))
     seers = list(dict.fromkeys(t.robot for t in log.tables if t.observes_robots))
-    for robots in dict.fromkeys([tuple(seers), *((robot,) for robot in order if robot in seers)]):
-        yield from _of_sightings(log, blind, robots)
-    for robot in order:
-        if trial.cost > SHOWS * due:
-            yield from _of_all_lengths(log, robot)
-            change = partial(_everywhere, robot=robot, name=MIRRORED)
-            yield Mistake((robot,), "", "sign", "all is mirrored, left for right", change)
-        if any(t.observes_robots and robot in _who(t) for t in log.tables):
-            yield from _of_clock(log, blind, robot)
+    groups = dict.fromkeys([tuple(seers), *((robot,) for robot in order if robot in seers)])
+    linked = [robot for robot in order if any(t.observes_robots and robot in _who(t) for t in log.tables)]
+    shown = order if team.trial.cost > SHOWS * team.due else ()
+    kinds = [
+        *(_of_sightings(log, alone.values, robots) for robots in groups),
+        *(_of_clock(log, alone.values, robot) for robot in linked),
+        *(_of_all(team, robot) for robot in shown),
+    ]
+    for some in zip_longest(*kinds):
+        yield from ((m, Trial(m.mend(log), near=alone if m.source else None)) for m in some if m is not None)
 
 
-def _without_links(log: Dataset) -> Dataset:
+def without_links(log: Dataset) -> Dataset:
     """A log in which no robot sees another."""
     return log.with_tables(t for t in log.tables if not t.observes_robots)
 
@@ -103,21 +136,65 @@ def _of_sightings(log: Dataset, blind: Values | None, robots: tuple[int, ...]) -
             yield from sorted(found, key=lambda m: (m.changes, LIKELY.index(m.kind)))[:TRIED_BLINDLY]
             continue
         part = log.with_tables(mine)
-        yield from sorted(found, key=lambda m: _cost(m.mend(part).tables, blind) - 2.0 * m.unit)[:TRIED]
+        yield from sorted(found, key=lambda m: unlikely_at(m.mend(part).tables, blind) - 2.0 * m.unit)[:TRIED]
 
 
-def _cost(tables: Iterable[Table], values: Values) -> float:
+def unlikely_at(tables: Sequence[Table], values: Values) -> float:
+    """-2 log of how likely rows are where all is known."""
+    return cost_at(tables, values) - 2.0 * sum(map(log_determinant, tables))
+
+
+def cost_at(tables: Iterable[Table], values: Values) -> float:
     """Of the rows whose poses are known."""
     known = [table.select(table.told_by(values.layout)) for table in tables]
     return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in known)
 
 
-def _of_all_lengths(log: Dataset, robot: int) -> Iterator[Mistake]:
-    """All lengths that a robot measured in another unit, with their standard deviations: else it would contradict
-    itself."""
-    for name in UNITS:
-        change = partial(_everywhere, robot=robot, name=f"{name} {TOO}")
-        yield Mistake((robot,), "", "unit", f"all lengths are in {name}", change)
+def _of_all(team: _Team, robot: int) -> Iterator[Mistake]:
+    """All that a robot measured in a mirror, or in another unit with its standard deviations (else it would contradict
+    itself): what the landmarks tell that it and another have on maps of their own, or all where they tell nothing."""
+    mine = team.alone.get(robot)
+    others = [trial for other, trial in team.alone.items() if other != robot]
+    seen = [shape for other in others if mine is not None and (shape := Shape.of(mine, other)) is not None]
+    if not seen or sum(shape.mirrored for shape in seen) > 0.5 * len(seen):
+        change = partial(_everywhere, robot=robot, name=MIRRORED)
+        yield Mistake((robot,), "", "sign", "all is mirrored, left for right", change)
+    longer = float(np.median([shape.longer for shape in seen])) if seen else 0.0
+    for name, factor in UNITS.items():
+        if not seen or abs(np.log(longer * factor)) < NEAR_UNIT:
+            change = partial(_everywhere, robot=robot, name=f"{name} {TOO}")
+            tables = [t for t in team.trial.log.tables if t.robot == robot]
+            unit = sum(len(t) * written(t, f"{name} {TOO}") for t in tables)
+            yield Mistake((robot,), "", "unit", f"all lengths are in {name}", change, unit)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the landmarks common to two maps look like in the one beside the other: how many times as far from each
+    other, and whether in a mirror."""
+
+    longer: float
+    mirrored: bool
+
+    @classmethod
+    def of(cls, one: Trial, other: Trial) -> "Shape | None":
+        """None where the maps have too few landmarks in common."""
+        if one.values is None or other.values is None:
+            return None
+        keys = np.intersect1d(one.values.layout.keys, other.values.layout.keys)
+        marks = keys[is_landmark(keys)]
+        if len(marks) < FEWEST_SHARED:
+            return None
+        a, b = (v.positions(marks, 3) for v in (one.values, other.values))
+        a, b = a - a.mean(0), b - b.mean(0)
+        longer = float(np.sqrt(np.sum(a**2) / max(np.sum(b**2), 1e-300)))
+        flat = min(np.ptp(a[:, 2]), np.ptp(b[:, 2])) == 0.0
+        d = 2 if flat else 3
+        u, s, v = np.linalg.svd(a[:, :d].T @ b[:, :d])
+        turned = np.linalg.det(u @ v) > 0.0
+        rest = float(np.sum(a**2) + longer**2 * np.sum(b**2))
+        off = [rest - 2.0 * longer * float(s.sum() - 2.0 * s[-1] * flip) for flip in (not turned, turned)]
+        return cls(longer, bool(off[1] < MIRROR * off[0]))
 
 
 def _everywhere(log: Dataset, robot: int, name: str) -> Dataset:
@@ -146,7 +223,9 @@ def _cost_of_links(log: Dataset, values: Values, robot: int, ticks: float) -> fl
     of_it = [t.select(np.asarray(robot_of(t.keys[:, -1]) == robot)) for t in links if t.robot != robot]
     by_it = [t for t in links if t.robot == robot]
     others = [who for who in log.pose_keys if who != robot]
-    return _cost(of_it, at_other_times(values, [robot], ticks)) + _cost(by_it, at_other_times(values, others, -ticks))
+    return cost_at(of_it, at_other_times(values, [robot], ticks)) + cost_at(
+        by_it, at_other_times(values, others, -ticks)
+    )
 
 
 def _who(table: Table) -> IntArray:

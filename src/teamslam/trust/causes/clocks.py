@@ -19,12 +19,15 @@ STEPS = (0.125, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 REFINEMENTS = 12
 
 
-def offset(piece: Dataset, robot: int, badness: Callable[[Dataset], float]) -> float:
-    """By how many ticks the odometry is to be taken earlier for a robot's piece of log to be least bad."""
-    chain = index_of(piece.pose_keys[robot])
-    usual = float(np.median(np.diff(chain))) if len(chain) > 1 else 1.0
-    tried = [sign * share * usual for share in STEPS for sign in (1.0, -1.0)]
-    return least_bad(tried, lambda ticks: badness(earlier(piece, robot, ticks)))
+def offset(chain: IntArray, badness: Callable[[float], float]) -> float:
+    """By how many ticks the odometry along a chain of poses is to be taken earlier to be least bad."""
+    usual = usual_step(chain)
+    return least_bad([sign * share * usual for share in STEPS for sign in (1.0, -1.0)], badness)
+
+
+def usual_step(chain: IntArray) -> float:
+    """The ticks between two poses of a chain."""
+    return float(np.median(np.diff(index_of(chain)))) if len(chain) > 1 else 1.0
 
 
 def least_bad(tried: Sequence[float], badness: Callable[[float], float]) -> float:
@@ -45,9 +48,14 @@ def earlier(piece: Dataset, robot: int, ticks: float) -> Dataset:
     what it did `ticks` before. ModelError where the chain of odometry is broken."""
     chain = piece.pose_keys[robot]
     way = dead_reckoning(piece, robot).poses_of(chain, piece.robots[robot])
-    stamps = index_of(chain)
-    moved = _at(stamps, way, np.asarray(stamps - ticks, float))
+    moved = taken_earlier(chain, way, ticks)
     return piece.with_tables(_along(t, chain, moved) if t.robot == robot else t for t in piece.tables)
+
+
+def taken_earlier(chain: IntArray, way: Pose, ticks: float) -> Pose:
+    """Where the robot was so much before each pose of its chain."""
+    stamps = index_of(chain)
+    return _at(stamps, way, np.asarray(stamps - ticks, float))
 
 
 def _along(table: Table, chain: IntArray, way: Pose) -> Table:

@@ -15,14 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray, Pose, directions, lift_points
-from teamslam.joining.start.dead_reckoning import dead_reckoning
+from teamslam.joining.start.dead_reckoning import compose_along, steps_along
 from teamslam.joining.start.odometry import odometry_links
 from teamslam.model import Dataset, Table, is_landmark, variances
 from teamslam.model.sensors import pose_of
 
 MOST_STEPS = 20  # of odometry between two looks: beyond, its errors hide all others
 MOST_PAIRS = 2000  # of one table: more are thinned evenly
+FAR = 25.0  # of what a triangle is off: what is more is as bad
+TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,32 +44,41 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A robot's way by odometry alone, and the variance of a step of it: of a length [m^2] and of an angle [rad^2]."""
+    """A robot's way by odometry alone, and the variance of a step of it: of a length [m^2] and of an angle [rad^2].
+    Poses (n,) whose `runs` (n,) differ are linked by nothing."""
 
     poses: Pose
+    runs: IntArray
     length_variance: float
     angle_variance: float
 
 
-def pairs_of(piece: Dataset, robot: int, table: Table) -> Pairs:
-    """Each look at a landmark with the next look at it, from another pose a few steps later."""
+def pairs_of(piece: Dataset, robot: int, table: Table, runs: IntArray | None = None) -> Pairs:
+    """Each look at a landmark with the next look at it, from another pose a few steps later in the same of the way's
+    `runs`. Of sensors that people added, nothing."""
     chain = piece.pose_keys[robot]
+    if table.model not in TRIANGLES:
+        return Pairs(*np.zeros((4, 0), np.int64))
     marks = np.flatnonzero(is_landmark(table.keys[:, -1]) & np.isin(table.keys[:, 0], chain))
     place = np.searchsorted(chain, table.keys[marks, 0])
     order = np.lexsort((place, table.keys[marks, -1]))
     rows, place = marks[order], place[order]
     steps = np.diff(place)
     same = (np.diff(table.keys[rows, -1]) == 0) & (steps > 0) & (steps <= MOST_STEPS)
+    if runs is not None:
+        same &= np.diff(runs[place]) == 0
     found = np.flatnonzero(same)
     found = found[:: max(-(-len(found) // MOST_PAIRS), 1)]
     return Pairs(rows[found], rows[found + 1], place[found], place[found + 1])
 
 
 def way_of(piece: Dataset, robot: int) -> Way:
-    """The way that a piece's odometry tells. ModelError where its chain is broken."""
-    values = dead_reckoning(piece, robot)
-    poses = values.poses_of(piece.pose_keys[robot], piece.robots[robot])
-    which, row, _ = odometry_links(piece, robot, piece.pose_keys[robot])
+    """The way that a piece's odometry tells. ModelError where there is no odometry at all."""
+    chain, dim = piece.pose_keys[robot], piece.robots[robot]
+    which, row, backward = odometry_links(piece, robot, chain)
+    if not (which >= 0).any():
+        raise ModelError(f"robot {piece.names.robot(robot)} has no odometry")
+    poses = compose_along(steps_along(piece, dim, which, row, backward))
     lengths, angles = [], []
     for number in np.unique(which[which >= 0]).tolist():
         table = piece.tables[number]
@@ -74,19 +86,35 @@ def way_of(piece: Dataset, robot: int) -> Way:
         found = variances(table.whitening[rows])
         lengths.append(found[:, : table.dim].mean(-1))
         angles.append(found[:, table.dim :].mean(-1))
-    return Way(poses, float(np.median(np.concatenate(lengths))), float(np.median(np.concatenate(angles))))
+    runs = np.concatenate([[0], np.cumsum(which < 0)])
+    return Way(poses, runs, float(np.median(np.concatenate(lengths))), float(np.median(np.concatenate(angles))))
 
 
-def misfit(table: Table, pairs: Pairs, way: Way) -> Array:
-    """How badly each triangle closes (n,): squared, over its variance and its numbers. Of sensors that people added,
-    nothing (0,)."""
-    if table.model not in TRIANGLES:
-        return np.zeros(0)
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """How triangles close: `off` (n,), squared, over its variance and its numbers; `unlikely` (n,), -2 log of how
+    likely the first look is, given the second and the odometry, with what is `off` counted up to FAR."""
+
+    off: Array
+    unlikely: Array
+
+    def __len__(self) -> int:
+        return len(self.off)
+
+
+def closing(table: Table, pairs: Pairs, way: Way) -> Closing:
+    """How each triangle closes."""
+    if not len(pairs):
+        return Closing(np.zeros(0), np.zeros(0))
     dim = max(table.dim, way.poses.dim)
     steps = way.poses[pairs.before].between(way.poses[pairs.after]).lift(dim)
     one, other = (Look.of(table, rows, dim) for rows in (pairs.first, pairs.second))
     count = (pairs.after - pairs.before).astype(float)
-    return TRIANGLES[table.model](one, other, steps, count * way.length_variance, count * way.angle_variance)
+    of_odometry = count * way.length_variance, count * way.angle_variance
+    off, numbers, room = TRIANGLES[table.model](one, other, steps, *of_odometry)
+    if table.model == "range_bearing":
+        room = room - 2.0 * (table.dim - 1) * np.log(np.maximum(one.distance, TINY))
+    return Closing(off, numbers * np.minimum(off, FAR) + room)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,29 +160,37 @@ class Look:
         return self.distance[:, None] * self.direction
 
 
-def places(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -> Array:
+Closed = tuple[Array, int, Array]
+"""What a triangle is off, of how many numbers, and -2 log of the density at its middle."""
+
+
+def places(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -> Closed:
     """p_a = R p_b + t."""
     reach = np.maximum(one.distance, other.distance) ** 2
     of_looks = sum(look.length_variance + reach * look.angle_variance for look in (one, other))
-    return np.asarray(np.mean((one.place - steps.act(other.place)) ** 2, -1) / (of_looks + length + reach * angle))
+    variance, dim = of_looks + length + reach * angle, steps.dim
+    off = np.mean((one.place - steps.act(other.place)) ** 2, -1) / variance
+    return np.asarray(off), dim, dim * np.log(2.0 * np.pi * variance)
 
 
-def ranges(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -> Array:
-    """| |p_a| - |p_b| | <= |t| <= |p_a| + |p_b|."""
+def ranges(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -> Closed:
+    """| |p_a| - |p_b| | <= |t| <= |p_a| + |p_b|: |p_a| lies anywhere in an interval."""
     moved = np.linalg.norm(steps.translation, axis=-1)
     short, long = np.abs(one.distance - other.distance), one.distance + other.distance
     over = np.maximum(np.maximum(short - moved, moved - long), 0.0)
-    return np.asarray(over**2 / (one.length_variance + other.length_variance + length))
+    variance = one.length_variance + other.length_variance + length
+    room = 2.0 * np.minimum(moved, other.distance) + np.sqrt(2.0 * np.pi * variance)
+    return np.asarray(over**2 / variance), 1, 2.0 * np.log(room)
 
 
-def bearings(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -> Array:
-    """p_a lies on the arc from the direction of t to that of R p_b."""
+def bearings(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -> Closed:
+    """p_a lies anywhere on the arc from the direction of t to that of R p_b."""
     far = (steps.rotation @ other.direction[..., None])[..., 0]
     moved = np.linalg.norm(steps.translation, axis=-1)
-    ahead = np.where(moved[:, None] > 0.0, steps.translation / np.maximum(moved, 1e-12)[:, None], far)
+    ahead = np.where(moved[:, None] > 0.0, steps.translation / np.maximum(moved, TINY)[:, None], far)
     across = ahead - np.sum(ahead * far, -1, keepdims=True) * far
     turned = np.linalg.norm(across, axis=-1)
-    side = np.where(turned[:, None] > 1e-9, across / np.maximum(turned, 1e-12)[:, None], 0.0)
+    side = np.where(turned[:, None] > 1e-9, across / np.maximum(turned, TINY)[:, None], 0.0)
     # On the arc's great circle, as an angle from its far end towards t; the rest is off the circle.
     along = np.arctan2(np.sum(one.direction * side, -1), np.sum(one.direction * far, -1))
     arc = np.arctan2(turned, np.sum(ahead * far, -1))
@@ -162,14 +198,16 @@ def bearings(one: Look, other: Look, steps: Pose, length: Array, angle: Array) -
     inside = (along >= 0.0) & (along <= arc)
     flat = np.hypot(np.sum(one.direction * side, -1), np.sum(one.direction * far, -1))
     off = np.arccos(np.clip(flat, 0.0, 1.0)) ** 2 + np.where(inside, 0.0, beyond**2)
-    return np.asarray(off / (one.angle_variance + other.angle_variance + angle))
+    variance, beside = one.angle_variance + other.angle_variance + angle, steps.dim - 2
+    room = 2.0 * np.log(arc + np.sqrt(2.0 * np.pi * variance)) + beside * np.log(2.0 * np.pi * variance)
+    return np.asarray(off / variance), 1, room
 
 
 def _wrapped(angle: Array) -> Array:
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-Triangle = Callable[[Look, Look, Pose, Array, Array], Array]
+Triangle = Callable[[Look, Look, Pose, Array, Array], Closed]
 TRIANGLES: dict[str, Triangle] = {
     "relative_pose": places,
     "point": places,

@@ -49,8 +49,9 @@ class Split:
         return float(np.linalg.norm(self.places[0] - self.places[1]))
 
 
-def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause]:
-    """The landmarks of a map that are in two places, in words; `rows` are the residuals at it.
+def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows], *, all_of_it: bool = False) -> list[Cause]:
+    """The landmarks of a map that are in two places, in words; `rows` are the residuals at it. Where they must be the
+    reason for `all_of_it`, none is told unless most of the whole map's excess is gone with them.
 
     They are sought one by one, the worst first, and what is found is taken out before the next: a landmark that is in
     two places pulls its neighbours apart.
@@ -61,6 +62,7 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause
     tables = [table.select(table.told_by(values.layout)) for table in log.tables]
     found: list[Cause] = []
     tried: set[int] = set()
+    before = _cost(tables, values)
     while len(tried) < MOST:
         excess = {mark: _cost(_of([mark], tables), values) - due for mark, due in expected.items()}
         bad = [m for m, e in excess.items() if m not in tried and e > EXCESS and e > (SUSPECT - 1.0) * expected[m]]
@@ -78,7 +80,9 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause
             split = replace(split, places=(where[0], where[1]))
             found.append(_in_words(split, tables, log.names, min(gone / excess[mark], 1.0)))
             values, tables = solved
-    return found
+    due = sum(float(row.expected.sum()) for row in rows)
+    explained = before - _cost(tables, values) > EXPLAINED * (before - due)
+    return found if explained or not all_of_it else []
 
 
 # --- dividing ---------------------------------------------------------------------------------------------------------

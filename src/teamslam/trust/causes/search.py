@@ -9,8 +9,10 @@ landmarks means nothing, so these are looked at where nothing else was found. No
 no landmark costs notably too much.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from teamslam.joining import Joined
 from teamslam.model import Dataset
 from teamslam.trust.cause import Cause, rows_called
 from teamslam.trust.causes.alone import FITS, SURE, Found, Mistake, mistake_of
-from teamslam.trust.causes.between import mistakes_between
+from teamslam.trust.causes.between import may_disagree, mistakes_between
 from teamslam.trust.causes.places import two_places
 from teamslam.trust.causes.stretches import busiest
 from teamslam.trust.causes.trial import Trial
@@ -35,11 +37,12 @@ UNCERTAIN = 0.3  # of the cost of a row, by what is not known of its leverage
 def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals]) -> list[Cause]:
     """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map."""
     rows = [row for part in parts for row in part.rows]
-    found = mistakes_of_tables(log, rows) if _bad(by_sensor(rows)[0], BAD_SENSOR) else []
+    bad = _bad(by_sensor(rows)[0], BAD_SENSOR)
+    found = mistakes_of_tables(log, rows) if bad else []
     if found or not _bad(by_landmark(rows), BAD_LANDMARK):
         return found
     both = zip(joined.components, parts, strict=True)
-    return [cause for component, part in both for cause in two_places(log, component.map, part.rows)]
+    return [cause for component, part in both for cause in two_places(log, component.map, part.rows, all_of_it=bad)]
 
 
 def _bad(tally: Tally, ratio: float) -> bool:
@@ -52,9 +55,10 @@ def mistakes_of_tables(log: Dataset, rows: Sequence[Rows]) -> list[Cause]:
     """The mistakes in tables, whole robots and clocks: each robot by itself, then what is left between them."""
     order = _worst_first(log, rows)
     alone = [found for robot in order[:MOST_ROBOTS] if (found := mistake_of(log, robot)) is not None]
-    alone = _decided(log, rows, alone)
-    between = mistakes_between(_mended(busiest(log, rows), alone), order) if len(log.robots) > 1 else []
-    return [*_in_words(alone, log), *_in_words(between, log)]
+    alone = _decided(log, rows, agreed(alone))
+    open_between = len(log.robots) > 1 and (alone or may_disagree(rows))
+    between = mistakes_between(_mended(busiest(log, rows), alone), order) if open_between else []
+    return [*in_words(alone, log), *in_words(between, log)]
 
 
 def _mended(log: Dataset, found: Sequence[Found], choice: int = 0) -> Dataset:
@@ -69,7 +73,20 @@ def _mended(log: Dataset, found: Sequence[Found], choice: int = 0) -> Dataset:
 def mistakes_of_robots(log: Dataset, robots: Iterable[int]) -> list[Cause]:
     """The mistakes of some robots, each by itself: of robots that no map is known of."""
     robots = sorted(robots)[:MOST_ROBOTS]
-    return list(_in_words([found for robot in robots if (found := mistake_of(log, robot)) is not None], log))
+    return list(in_words(agreed([found for robot in robots if (found := mistake_of(log, robot)) is not None]), log))
+
+
+def agreed(alone: Sequence[Found]) -> list[Found]:
+    """Mistakes of robots by themselves, of each what explains most of them, where several explain one; of one kind in
+    one sensor, one."""
+    votes = Counter(mistake.key for found in alone for mistake in found.alternatives)
+    agreed = []
+    for found in alone:
+        most = max(votes[mistake.key] for mistake in found.alternatives)
+        best = [mistake for mistake in found.alternatives if votes[mistake.key] == most]
+        each = {(mistake.source, mistake.kind): mistake for mistake in reversed(best)}
+        agreed.append(replace(found, alternatives=tuple(reversed(each.values()))))
+    return agreed
 
 
 def _worst_first(log: Dataset, rows: Sequence[Rows]) -> list[int]:
@@ -85,31 +102,23 @@ def _decided(log: Dataset, rows: Sequence[Rows], alone: list[Found]) -> list[Fou
         return alone
     stretch, most = Trial.of(busiest(log, rows)).log, min(len(found.alternatives) for found in open_ones)
     tried = [Trial(_mended(stretch, alone, choice)) for choice in range(most)]
-    least = min(
-        trial.cost - 2.0 * sum(_unit(found, choice) for found in open_ones) for choice, trial in enumerate(tried)
-    )
-    good = [
-        choice
-        for choice, trial in enumerate(tried)
-        if trial.cost - 2.0 * sum(_unit(found, choice) for found in open_ones) - least < SURE
-    ]
-    if min(tried[choice].ratio for choice in good) > FITS:
+    extent = next((trial.extent for trial in tried if trial.optima), 1.0)
+    units = [2.0 * sum(found.alternatives[choice].unit for found in open_ones) for choice in range(most)]
+    rank = [trial.unlikely(extent) - unit for trial, unit in zip(tried, units, strict=True)]
+    good = [choice for choice in range(most) if rank[choice] - min(rank) < SURE]
+    if min((tried[choice].ratio for choice in good), default=FITS) >= FITS:
         return alone
     return [_only(found, good) if found in open_ones else found for found in alone]
 
 
-def _unit(found: Found, choice: int) -> float:
-    return found.alternatives[choice].unit
-
-
 def _only(found: Found, choices: Sequence[int]) -> Found:
-    return Found(tuple(found.alternatives[n] for n in choices), found.before, found.after, found.expected)
+    return replace(found, alternatives=tuple(found.alternatives[n] for n in choices))
 
 
 # --- words ------------------------------------------------------------------------------------------------------------
 
 
-def _in_words(found: Sequence[Found], log: Dataset) -> Iterator[Cause]:
+def in_words(found: Sequence[Found], log: Dataset) -> Iterator[Cause]:
     """A sentence for each mistake, of all robots that make it."""
     alike: dict[tuple[object, ...], list[Found]] = {}
     for each in found:

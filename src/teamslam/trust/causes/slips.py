@@ -19,8 +19,9 @@ from teamslam.geometry import Array, Pose, directions
 from teamslam.model import MODELS, Table, pack
 from teamslam.model.sensors import pose_of
 
-UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "feet": 0.3048, "kilometres": 1e3}
-"""What lengths that were written in one of these are to be multiplied with."""
+UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "feet": 0.3048}
+"""What lengths that were written in one of these are to be multiplied with. Nobody measures rooms in kilometres:
+lengths that look like them stand beside others in millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,11 @@ class Slip:
     unit: float = 0.0
     changes: int = 1
     sigma: tuple[float, ...] = ()
+
+    @property
+    def written(self) -> float:
+        """log f of all numbers of a row, whether their standard deviations were written in it or not."""
+        return self.unit + float(np.sum(np.log(self.sigma or 1.0)))
 
     def undone(self, table: Table) -> Table:
         """The table without it."""
@@ -78,6 +84,11 @@ def slips(model: str, dim: int) -> tuple[Slip, ...]:
 def without(table: Table, name: str) -> Table:
     """A table without the slip of a name; as it is where it cannot hold it."""
     return next((slip.undone(table) for slip in slips(table.model, table.dim) if slip.name == name), table)
+
+
+def written(table: Table, name: str) -> float:
+    """log f of all numbers of a row of a table, if it holds the slip of a name."""
+    return next((slip.written for slip in slips(table.model, table.dim) if slip.name == name), 0.0)
 
 
 def _slips(model: str, measure: Measure, dim: int) -> Iterator[Slip]:

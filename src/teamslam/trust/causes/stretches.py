@@ -6,16 +6,16 @@ import numpy as np
 
 from teamslam.geometry import Array, BoolArray
 from teamslam.model import Dataset, Table, index_of, is_landmark, is_pose, robot_of
-from teamslam.trust.residuals import Rows
+from teamslam.trust.residuals import Rows, observers
 
 POSES = 40  # of each robot, about
 STARTS = 24  # windows of time that are looked at
 CAP = 25.0  # of a squared residual: what is more is as bad
 
 
-def busiest(log: Dataset, rows: Sequence[Rows]) -> Dataset:
-    """A window of time of about POSES poses a robot: the one in which robots disagree most at the map. `rows` are the
-    residuals there."""
+def busiest(log: Dataset, rows: Sequence[Rows] = ()) -> Dataset:
+    """A window of time of about POSES poses a robot: the one in which robots disagree most at the map, where `rows` are
+    the residuals there, or have most to do with each other, where there is no map."""
     ticks = index_of(np.concatenate(list(log.pose_keys.values())))
     start, stop = int(ticks.min()), int(ticks.max()) + 1
     width = (stop - start) * POSES * len(log.robots) / max(len(ticks), 1)
@@ -50,9 +50,10 @@ def _links(log: Dataset, rows: Sequence[Rows]) -> tuple[Array, Array]:
             marks.setdefault(mark, set()).add(table.robot)
     shared = np.array([mark for mark, seers in marks.items() if len(seers) > 1], np.int64)
     at, weight = [np.zeros(0)], [np.zeros(0)]
-    for r in rows:
-        target = r.table.keys[:, -1]
-        links = np.isin(target, shared) | (is_pose(target) & (robot_of(target) != r.table.robot))
-        at.append(index_of(r.observers[links]).astype(float))
-        weight.append(1.0 + np.minimum(r.squared[links], CAP))
+    known = [(r.table, r.squared) for r in rows] or [(table, np.zeros(len(table))) for table in log.tables]
+    for table, squared in known:
+        target = table.keys[:, -1]
+        links = np.isin(target, shared) | (is_pose(target) & (robot_of(target) != table.robot))
+        at.append(index_of(observers(table)[links]).astype(float))
+        weight.append(1.0 + np.minimum(squared[links], CAP))
     return np.concatenate(at), np.concatenate(weight)

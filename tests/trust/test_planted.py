@@ -1,0 +1,30 @@
+"""What is said of logs with a mistake, drawn from seeds: never a false name; and nothing of logs without one.
+
+`benchmarks/planted.py` counts hundreds, and how many are named.
+"""
+
+import pytest
+
+from planted import draw, outcome, said_by_info, said_by_run
+
+PLANTED = range(7_000, 7_020)
+INNOCENT = range(8_000, 8_010)
+
+
+@pytest.mark.parametrize("seed", PLANTED)
+def test_no_mistake_is_called_another(seed: int) -> None:
+    """By a run or before it."""
+    plant = draw(seed)
+    if plant is None:
+        pytest.skip("its world has no place for the mistake that was drawn")
+    for causes in (said_by_info(plant.log), said_by_run(plant.log)):
+        assert outcome(plant, causes) != "false", (plant.mistake, plant.robots, plant.world, causes)
+
+
+@pytest.mark.parametrize("seed", INNOCENT)
+def test_nobody_is_accused_for_nothing(seed: int) -> None:
+    """Whatever the world, the senses and the loss."""
+    plant = draw(seed, "")
+    assert plant is not None
+    for causes in (said_by_info(plant.log), said_by_run(plant.log)):
+        assert not [cause.sentence for cause in causes if cause.is_mistake], plant.world
