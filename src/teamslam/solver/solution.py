@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from teamslam.model import Values
 from teamslam.solver.linear import Matrix
 
-SENSELESS = 4.0  # times its degrees of freedom in cost: what fits costs about one of each
+SENSELESS = 3.0  # times its degrees of freedom in cost: what fits costs about one of each
 
 
 class Status(Enum):

@@ -8,27 +8,22 @@ A guess is a guess: it may be rough, and what cannot be solved from it is solved
 of its optimum still gives the submap where what is left is little against one sigma; its solution says how much. Where
 a piece has no optimum that is found, its submap is the robot's way alone.
 
-What a Gaussian over S cannot hold travels beside it as raw measurements, and meets its other half at the join:
-sightings that leave part of their target open (a range or bearing to a robot has no heading; a landmark straight ahead
-has no distance), and robust sightings of robots, since a pose seen once leaves no residual by which a wrong sighting
-could be known.
+What a Gaussian over S cannot hold travels beside it as raw measurements, and meets its other half at the join (see
+`problem`).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from teamslam.errors import ModelError, SolveError
-from teamslam.geometry import BoolArray, IntArray
-from teamslam.joining.build.split import refuse_borrowed
-from teamslam.joining.start.dead_reckoning import own_chain
-from teamslam.joining.start.starts import driven_start, starts
-from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
+from teamslam.errors import SolveError
+from teamslam.joining.build.problem import ROUGH, Problem, apart, the_robot
+from teamslam.joining.start.starts import starts
+from teamslam.model import Dataset, Submap, Values, is_landmark
 from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
 
-ROUGH = 20  # iterations of a solve that only gives a start
 LITTLE = 0.1  # [sigmas] from the optimum: the estimate and its information are as good as there
 
 
@@ -80,7 +75,7 @@ def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap
     none is found, it is as near as was come, or the robot's way alone. Raises ModelError as `build` does, SolveError
     where not even that holds.
     """
-    robot = _the_robot(piece)
+    robot = the_robot(piece)
     optima = [submap for submap, _ in _optima(piece, None, 0, options, None)]
     guesses, keys = starts(piece, robot), optima[0].values.layout.keys
     if len(guesses) < 2:
@@ -100,7 +95,7 @@ def _usable_optima(
     if not usable(first[1]):
         problem = SolveError(_not_converged(first[1]))
         try:
-            found = _descended(_Problem.bare(piece), id, version, options, progress)
+            found = _descended(Problem.bare(piece), id, version, options, progress)
             first = next(found)
         except SolveError:
             raise problem from None
@@ -119,18 +114,18 @@ def _optima(
     what one piece cannot tell the team may. Raises SolveError where there is not even that.
     """
     try:
-        yield from _descended(_Problem.of(piece), id, version, options, progress)
+        yield from _descended(Problem.of(piece), id, version, options, progress)
         return
     except SolveError as error:
         problem = error
     try:
-        yield from _descended(_Problem.bare(piece), id, version, options, progress)
+        yield from _descended(Problem.bare(piece), id, version, options, progress)
     except SolveError:
         raise problem from None
 
 
 def _descended(
-    problem: "_Problem", id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
+    problem: "Problem", id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
 ) -> Optima:
     """The local optima of a problem as submaps, lowest first. Raises SolveError where there is none."""
     while True:
@@ -139,85 +134,20 @@ def _descended(
             first = optimise(problem.system, found[0], options, progress)
             if first.senseless:
                 first = min([first, *problem.driven(options, progress)], key=lambda solution: solution.cost)
-            break
+            undecided = problem.undecided(first, options)
+            if not len(undecided):
+                break
+            problem = Problem.of(problem.piece, np.append(problem.loose, undecided))
         except SolveError as error:
             # A landmark that turns out to be open costs nobody else anything: its sightings travel raw.
             if error.key is None or not is_landmark(error.key):
                 raise
-            problem = _Problem.of(problem.piece, np.append(problem.loose, error.key))
+            problem = Problem.of(problem.piece, np.append(problem.loose, error.key))
     yield problem.submap(first, id, version), first
     for start in found[1:]:
         solution = optimise(problem.system, start, options, progress)
         if solution.converged:
             yield problem.submap(solution, id, version), solution
-
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """The least squares of one piece: its `system`, the rows that travel `raw`, what to start from, and landmarks that
-    were found `loose`."""
-
-    piece: Dataset
-    base: int
-    system: System
-    raw: Sequence[Table]
-    guesses: Sequence[Values]
-    loose: IntArray
-
-    @classmethod
-    def of(cls, piece: Dataset, loose: IntArray = np.zeros(0, np.int64)) -> "_Problem":  # noqa: B008
-        """The problem of a piece in the frame of its first pose."""
-        robot = _the_robot(piece)
-        for table in piece.tables:
-            refuse_borrowed(table, piece.names)
-        poses = own_chain(piece, robot)
-        guesses = starts(piece, robot)
-        known = guesses[0].layout
-        inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
-        held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
-        if len(held) == 1:
-            raise SolveError(
-                f"{piece.names.describe(int(poses[0]))} stands alone: no odometry leads to it or from it, and nothing "
-                f"seen from there fixes a place"
-            )
-        guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
-        system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
-        return cls(piece, int(poses[0]), system, raw, guesses, loose)
-
-    @classmethod
-    def bare(cls, piece: Dataset) -> "_Problem":
-        """The problem of the robot's own way, in which nothing that was seen from it takes part."""
-        own = own_chain(piece, _the_robot(piece))
-        return cls.of(piece, np.setdiff1d(piece.layout.keys, own))
-
-    def driven(self, options: Options, progress: Callable[[Step], None] | None) -> list[Solution]:
-        """The optimum from the way solved part by part, where it leads to one."""
-        start = driven_start(self.piece, int(robot_of(self.base)), self.system.tables)
-        keys = self.guesses[0].layout.keys
-        if not start.layout.contains(keys).all():
-            return []
-        try:
-            return [optimise(self.system, start.only(keys), options, progress)]
-        except SolveError:
-            return []
-
-    def submap(self, solution: Solution, id: str | None, version: int) -> Submap:
-        """What is kept of a solution."""
-        piece, base = self.piece, self.base
-        return Submap(
-            id=id or f"{piece.names.robot(int(robot_of(base)))}/{int(index_of(base))}",
-            version=version,
-            base=base,
-            base_dim=piece.robots[int(robot_of(base))],
-            values=solution.values.select(solution.values.layout.keys != base),
-            information=solution.information,
-            sources=Sources.of(piece.tables),
-            names=piece.names,
-            raw=tuple(self.raw),
-            cost=solution.cost,
-            chi2=solution.chi2,
-            rows=solution.rows,
-        )
 
 
 def _distinct(system: System, guesses: Sequence[Values], options: Options) -> list[Values]:
@@ -245,16 +175,9 @@ def _distinct(system: System, guesses: Sequence[Values], options: Options) -> li
         raise problem
     found: list[Solution] = []
     for solution in sorted(tried, key=lambda s: s.cost):
-        if all(_apart(system, solution, other) for other in found):
+        if all(apart(system, solution, other) for other in found):
             found.append(solution)
     return [solution.values for solution in found]
-
-
-def _apart(system: System, one: Solution, other: Solution) -> bool:
-    """Whether two estimates of one system are more than a sigma apart."""
-    keys = system.free.keys
-    difference = one.values.only(keys).minus(other.values.only(keys))
-    return float(difference @ (other.information @ difference)) > 1.0
 
 
 def usable(solution: Solution) -> bool:
@@ -268,36 +191,3 @@ def _not_converged(solution: Solution) -> str:
         f"(distance to go {solution.decrement:.2g} sigma). {solution.status.value} Cut the log into shorter pieces, "
         f"or allow more iterations"
     )
-
-
-def gaussian_part(
-    tables: Iterable[Table], robot: int, poses: IntArray, known: Layout
-) -> tuple[list[Table], list[Table]]:
-    """A piece's tables in two parts: the rows that the submap's Gaussian holds, and those that travel raw.
-
-    `poses` are the robot's own poses of the piece, `known` the variables that its measurements fix.
-    """
-    inside, raw = [], []
-    for table in tables:
-        keep = _holds(table, robot, poses, known)
-        inside += [table.select(keep)] if keep.any() else []
-        raw += [table.select(~keep)] if not keep.all() else []
-    return inside, raw
-
-
-def _holds(table: Table, robot: int, poses: IntArray, known: Layout) -> BoolArray:
-    """Which rows the Gaussian of a robot's submap can hold."""
-    if table.row.unary:
-        return np.zeros(len(table), bool)  # absolute: written in the world's frame, which no submap knows
-    target = table.keys[:, 1]
-    other_robot = is_pose(target) & (robot_of(target) != robot)
-    whole_robot = table.model == "relative_pose" and table.loss.name == "squared"
-    own = np.isin(table.keys, poses).all(1) | (is_landmark(target) & known.contains(target))
-    return np.where(other_robot, whole_robot & known.contains(target), own)
-
-
-def _the_robot(piece: Dataset) -> int:
-    owners = sorted({table.robot for table in piece.tables})
-    if len(owners) != 1:
-        raise ModelError(f"a submap is built from one robot's measurements, found those of {len(owners)} robots")
-    return owners[0]

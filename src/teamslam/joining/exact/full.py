@@ -12,7 +12,8 @@ import numpy as np
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import IntArray
-from teamslam.joining.build.build import ROUGH, build_choices
+from teamslam.joining.build.build import build_choices
+from teamslam.joining.build.problem import ROUGH
 from teamslam.joining.build.split import split
 from teamslam.joining.exact.alone import excess_alone, excess_together
 from teamslam.joining.exact.basins import lowest

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.joining.build.build import gaussian_part
+from teamslam.joining.build.problem import gaussian_part
 from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Dataset, Layout, Submap, Table, Values
 from teamslam.solver import Factor, System

@@ -22,6 +22,7 @@ from teamslam.model import Kind, Layout, Table, Values, is_landmark, point_kind
 HELD = 0.5  # the largest share of its distance by which a landmark may be uncertain
 ROUNDING = 1e-14  # of the largest information on a place: less is none
 STEPS = 8  # of the refinement: quadratic near the answer
+SAME = 1e-6  # of a cost: what two places of a landmark may differ by and still be mirrors of each other
 MOST = 40  # sightings of one landmark that are looked at; more would not tell more of its place
 
 
@@ -91,8 +92,7 @@ class Bundle:
             return np.zeros((n, self.dim)), np.zeros(n, bool)
         proposals = self.proposals()
         places, costs, information = self.refined(proposals)
-        best = np.argmin(costs, 0)
-        each = np.arange(n)
+        best, each = _lowest(places, costs), np.arange(n)
         places, costs, information = places[best, each], costs[best, each], information[best, each]
         return places, np.isfinite(costs) & self.holds(places, information)
 
@@ -111,10 +111,10 @@ class Bundle:
         wanted = right[:, :d] - across * (right[:, d] / square)[:, None]
         ridge = 1e-12 * np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
         straight = np.linalg.solve(left + ridge[:, None, None] * np.eye(d), wanted[..., None])[..., 0]
-        return self._on_either_side(straight)
+        return self.on_either_side(straight)
 
-    def _on_either_side(self, places: Array) -> Array:
-        """The places, and their mirrors; both as far off the line or plane of the sensors as the ranges say."""
+    def on_either_side(self, places: Array) -> Array:
+        """The places (n, d) and their mirrors: (2, n, d), as far off the line or plane of the sensors as ranges say."""
         n = len(places)
         ranged = [rays for rays in self.rays if rays.table.model == "range"]
         if not ranged:
@@ -170,6 +170,15 @@ class Bundle:
         least = sizes[:, 0] * self.seen / np.maximum(looked_at, 1.0)
         told = sizes[:, 0] > ROUNDING * sizes[:, -1]  # and not by what differences leave of nothing
         return np.asarray(told & (least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
+
+
+def _lowest(places: Array, costs: Array) -> IntArray:
+    """The cheapest (n,) of several places (k, n, d); of those that cost the same to rounding the highest: what sensors
+    of one height leave open is whether a landmark is above them, and then it is above for everybody."""
+    low = costs.min(0)
+    same = costs <= low + SAME * (1.0 + low)
+    highest: IntArray = np.argmax(np.where(same, places[..., -1], -np.inf), 0)
+    return highest
 
 
 def kinds_of(tables: Sequence[Table]) -> Layout:

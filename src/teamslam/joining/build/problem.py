@@ -1,0 +1,151 @@
+"""The least squares of one robot's piece of log: what a Gaussian over its variables holds, and what travels raw.
+
+inside: rows of the robot's own relative poses, of landmarks that its sightings fix, of robots whose pose it saw
+raw:    rows in the world's frame, sightings that leave part of their target open (a range or bearing to a robot has
+        no heading; a landmark straight ahead has no distance; two ranges meet at two places), and robust sightings
+        of robots, since a pose seen once leaves no residual by which a wrong sighting could be known
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from teamslam.errors import ModelError, SolveError
+from teamslam.geometry import BoolArray, IntArray
+from teamslam.joining.build.split import refuse_borrowed
+from teamslam.joining.start.dead_reckoning import own_chain
+from teamslam.joining.start.starts import driven_start, starts
+from teamslam.joining.start.twofold import RULED_OUT, twofold
+from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
+from teamslam.solver import Options, Solution, Step, System, optimise
+
+ROUGH = 20  # iterations of a solve that only gives a start
+TRIED = 8  # landmarks that are tried at another place at most
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The least squares of one piece: its `system`, the rows that travel `raw`, what to start from, and landmarks that
+    were found `loose`."""
+
+    piece: Dataset
+    base: int
+    system: System
+    raw: Sequence[Table]
+    guesses: Sequence[Values]
+    loose: IntArray
+
+    @classmethod
+    def of(cls, piece: Dataset, loose: IntArray = np.zeros(0, np.int64)) -> "Problem":  # noqa: B008
+        """The problem of a piece in the frame of its first pose."""
+        robot = the_robot(piece)
+        for table in piece.tables:
+            refuse_borrowed(table, piece.names)
+        poses = own_chain(piece, robot)
+        guesses = starts(piece, robot)
+        known = guesses[0].layout
+        inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
+        held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
+        if len(held) == 1:
+            raise SolveError(
+                f"{piece.names.describe(int(poses[0]))} stands alone: no odometry leads to it or from it, and nothing "
+                f"seen from there fixes a place"
+            )
+        guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
+        system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
+        return cls(piece, int(poses[0]), system, raw, guesses, loose)
+
+    @classmethod
+    def bare(cls, piece: Dataset) -> "Problem":
+        """The problem of the robot's own way, in which nothing that was seen from it takes part."""
+        own = own_chain(piece, the_robot(piece))
+        return cls.of(piece, np.setdiff1d(piece.layout.keys, own))
+
+    def driven(self, options: Options, progress: Callable[[Step], None] | None) -> list[Solution]:
+        """The optimum from the way solved part by part, where it leads to one."""
+        start = driven_start(self.piece, int(robot_of(self.base)), self.system.tables)
+        keys = self.guesses[0].layout.keys
+        if not start.layout.contains(keys).all():
+            return []
+        try:
+            return [optimise(self.system, start.only(keys), options, progress)]
+        except SolveError:
+            return []
+
+    def undecided(self, optimum: Solution, options: Options) -> IntArray:
+        """Landmarks that fit at two places, or that nothing holds where they came to lie: which place is right the team
+        may know, so their sightings travel raw. One that fits elsewhere only if poses give way is tried there."""
+        found: list[IntArray] = [np.zeros(0, np.int64)]
+        for two in twofold(optimum.values, self.system.tables):
+            lies_open = two.open | (two.more < RULED_OUT) & ~two.by_nature
+            found.append(two.keys[lies_open])
+            rest = two.select(~lies_open & ~two.by_nature)
+            for place in np.argsort(rest.more)[:TRIED].tolist():
+                one = slice(place, place + 1)
+                moved = optimum.values.update(Values.of({rest.kind: (rest.keys[one], rest.others[one])}))
+                with suppress(SolveError):
+                    other = optimise(self.system, moved, replace(options, max_iterations=ROUGH))
+                    if other.cost < optimum.cost + RULED_OUT and apart(self.system, other, optimum):
+                        found.append(rest.keys[one])
+        return np.concatenate(found)
+
+    def submap(self, solution: Solution, id: str | None, version: int) -> Submap:
+        """What is kept of a solution."""
+        piece, base = self.piece, self.base
+        return Submap(
+            id=id or f"{piece.names.robot(int(robot_of(base)))}/{int(index_of(base))}",
+            version=version,
+            base=base,
+            base_dim=piece.robots[int(robot_of(base))],
+            values=solution.values.select(solution.values.layout.keys != base),
+            information=solution.information,
+            sources=Sources.of(piece.tables),
+            names=piece.names,
+            raw=tuple(self.raw),
+            cost=solution.cost,
+            chi2=solution.chi2,
+            rows=solution.rows,
+        )
+
+
+def apart(system: System, one: Solution, other: Solution) -> bool:
+    """Whether two estimates of one system are more than a sigma apart."""
+    keys = system.free.keys
+    difference = one.values.only(keys).minus(other.values.only(keys))
+    return float(difference @ (other.information @ difference)) > 1.0
+
+
+def gaussian_part(
+    tables: Iterable[Table], robot: int, poses: IntArray, known: Layout
+) -> tuple[list[Table], list[Table]]:
+    """A piece's tables in two parts: the rows that the submap's Gaussian holds, and those that travel raw.
+
+    `poses` are the robot's own poses of the piece, `known` the variables that its measurements fix.
+    """
+    inside, raw = [], []
+    for table in tables:
+        keep = _holds(table, robot, poses, known)
+        inside += [table.select(keep)] if keep.any() else []
+        raw += [table.select(~keep)] if not keep.all() else []
+    return inside, raw
+
+
+def _holds(table: Table, robot: int, poses: IntArray, known: Layout) -> BoolArray:
+    """Which rows the Gaussian of a robot's submap can hold."""
+    if table.row.unary:
+        return np.zeros(len(table), bool)  # absolute: written in the world's frame, which no submap knows
+    target = table.keys[:, 1]
+    other_robot = is_pose(target) & (robot_of(target) != robot)
+    whole_robot = table.model == "relative_pose" and table.loss.name == "squared"
+    own = np.isin(table.keys, poses).all(1) | (is_landmark(target) & known.contains(target))
+    return np.where(other_robot, whole_robot & known.contains(target), own)
+
+
+def the_robot(piece: Dataset) -> int:
+    """The one robot whose measurements a piece holds. Raises ModelError where they are of several, or of none."""
+    owners = sorted({table.robot for table in piece.tables})
+    if len(owners) != 1:
+        raise ModelError(f"a submap is built from one robot's measurements, found those of {len(owners)} robots")
+    return owners[0]
