@@ -25,6 +25,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.io.files.grid import Words
 from teamslam.io.files.options import options_of
 from teamslam.io.files.records import Records, read_records, triangle
 from teamslam.io.graphs.edges import Edges, matching, robots_of, tables_of, values_of, whitened
@@ -215,15 +216,16 @@ def _edges(records: Records, model: str, dim: int, keys: IntArray, values: Array
 
 def _keys(records: Records, at: int, pose: bool | None) -> IntArray:
     """The keys of counted poses or of landmarks, as `pose` says (None: either)."""
-    found = [KEY.fullmatch(words[at]) for words in records.words]
+    words = Words.of(records.column(at))
+    found = [KEY.fullmatch(name) for name in words.names]
     bad = np.array([match is None or int(match[2]) > MAX_INDEX for match in found], bool)
-    records.refuse(bad, f"expected a letter and a count such as A12 or L3, found '{{{at}}}'", "key")
+    records.refuse(bad[words.codes], f"expected a letter and a count such as A12 or L3, found '{{{at}}}'", "key")
     letters = np.array([ord(match[1]) for match in found if match], np.int64)
     counts = np.array([int(match[2]) for match in found if match], np.int64)
     is_mark: BoolArray = letters == ord(UPPER_FIRST.landmark)
     if pose is not None:
         expected = "pose" if pose else "landmark (L...)"
-        records.refuse(is_mark == pose, f"expected the key of a {expected}, found '{{{at}}}'", "key")
+        records.refuse((is_mark == pose)[words.codes], f"expected the key of a {expected}, found '{{{at}}}'", "key")
     keys = landmark_key(counts)
     keys[~is_mark] = pose_key(UPPER_FIRST.numbers(letters[~is_mark]), counts[~is_mark])
-    return keys
+    return keys[words.codes]
