@@ -147,16 +147,20 @@ def read_records(path: Path) -> list[Records]:
     text = read_text(path)
     if not text.strip():
         raise InputError("the file is empty", path=path)
+    beginning = text.lstrip()[:LONGEST_WORD].lower()
     for start, problem in NO_DATA.items():
-        if text.lstrip().lower().startswith(start):
+        if beginning.startswith(start):
             raise InputError(problem, path=path)
     found: dict[str, tuple[list[int], list[list[str]]]] = {}
     for number, row in enumerate(text.split("\n"), 1):
         words = row.split("#", 1)[0].split() if "#" in row else row.split()
         if words:
-            lines, rest = found.setdefault(words[0], ([], []))
+            tag = words.pop(0)
+            if tag not in found:
+                found[tag] = ([], [])
+            lines, rest = found[tag]
             lines.append(number)
-            rest.append(words[1:])
+            rest.append(words)
     return [Records(path, tag, np.array(lines, np.int64), rest) for tag, (lines, rest) in found.items()]
 
 

@@ -46,9 +46,10 @@ def parts_of(dataset: Dataset) -> list[Part]:
     parts = []
     for table in dataset.tables:
         kinds = dataset.layout.kinds[dataset.layout.index(table.keys)]
-        for row in np.unique(kinds, axis=0):
-            same = (kinds == row).all(1)
-            parts.append((table if same.all() else table.select(same), tuple(Kind(kind) for kind in row.tolist())))
+        code = kinds @ len(Kind) ** np.arange(kinds.shape[1])[::-1]
+        for one, first in zip(*np.unique(code, return_index=True), strict=True):
+            same, ends = code == one, tuple(Kind(kind) for kind in kinds[first].tolist())
+            parts.append((table if same.all() else table.select(same), ends))
     return parts
 
 
