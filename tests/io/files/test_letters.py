@@ -22,7 +22,9 @@ ANY = st.one_of(
     st.floats(-8.0, 8.0).map(lambda power: 10.0**power),
     st.builds(lambda whole, power: whole * 10.0**power, st.integers(-200_000, 200_000), st.integers(-9, 3)),
     st.builds(lambda half, power: (half + 0.5) * 10.0**power, st.integers(0, 99_999), st.integers(-9, 3)),
-    st.sampled_from([0.0, -0.0, 1.0, 9.99995, 99999.5, 1e-4, 9.99995e-5, 0.00012345, 1e5, 123456.0]),
+    st.sampled_from(
+        [0.0, -0.0, 1.0, 1e308, -1e308, 5e-324, 9.99995, 99999.5, 1e-4, 9.99995e-5, 0.00012345, 1e5, 123456.0]
+    ),
 )
 
 

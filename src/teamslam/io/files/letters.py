@@ -49,12 +49,12 @@ def significant(numbers: Array, digits: int) -> Letters:
     """Numbers (n,) with so many digits, as `%.5g` writes them."""
     size = np.abs(numbers)
     plain = (size >= 10.0**-LEAST) & (size < 10.0**digits)
-    power = np.floor(np.log10(np.where(plain, size, 1.0))).astype(np.int64)
+    size = np.where(plain, size, 1.0)
+    power = np.floor(np.log10(size)).astype(np.int64)
     scaled = size * (10.0 ** np.arange(digits + LEAST))[digits - 1 - power]
-    with np.errstate(invalid="ignore"):
-        rounded = np.rint(scaled)
-        sure = plain & (rounded >= 10.0 ** (digits - 1)) & (rounded < 10.0**digits)
-        sure &= np.abs(np.abs(scaled - rounded) - 0.5) > 1e-6
+    rounded = np.rint(scaled)
+    sure = plain & (rounded >= 10.0 ** (digits - 1)) & (rounded < 10.0**digits)
+    sure &= np.abs(np.abs(scaled - rounded) - 0.5) > 1e-6
     out = _pointed(np.where(sure, rounded, 0.0).astype(np.int64), power, np.signbit(numbers), digits)
     if not sure.all():
         rest = spelled(numbers[~sure], f"%.{digits}g".__mod__)
