@@ -14,7 +14,7 @@ from teamslam.model.keys import (
     pose_key,
     robot_of,
 )
-from teamslam.model.layout import Kind, Layout, point_kind, pose_kind, rows_of
+from teamslam.model.layout import Kind, Layout, among, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
 from teamslam.model.sensors import MODELS, Model
@@ -41,6 +41,7 @@ __all__ = [
     "Submap",
     "Table",
     "Values",
+    "among",
     "chi2_quantile",
     "index_of",
     "is_landmark",

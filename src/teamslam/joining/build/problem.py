@@ -18,7 +18,19 @@ from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
-from teamslam.model import Dataset, Layout, Sources, Submap, Table, Values, index_of, is_landmark, is_pose, robot_of
+from teamslam.model import (
+    Dataset,
+    Layout,
+    Sources,
+    Submap,
+    Table,
+    Values,
+    among,
+    index_of,
+    is_landmark,
+    is_pose,
+    robot_of,
+)
 from teamslam.solver import Options, Solution, Step, System, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
@@ -139,7 +151,7 @@ def _holds(table: Table, robot: int, poses: IntArray, known: Layout) -> BoolArra
     target = table.keys[:, 1]
     other_robot = is_pose(target) & (robot_of(target) != robot)
     whole_robot = table.model == "relative_pose" and table.loss.name == "squared"
-    own = np.isin(table.keys, poses).all(1) | (is_landmark(target) & known.contains(target))
+    own = among(table.keys, poses).all(1) | (is_landmark(target) & known.contains(target))
     return np.where(other_robot, whole_robot & known.contains(target), own)
 
 

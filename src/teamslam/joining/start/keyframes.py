@@ -13,7 +13,7 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray, Pose, rotations
 from teamslam.joining.start.odometry import heading_variances, odometry_links
-from teamslam.model import Dataset, Layout, Table, Values, is_landmark, pack, whitening
+from teamslam.model import Dataset, Layout, Table, Values, among, is_landmark, pack, whitening
 
 BIT = 0.05  # [rad]: how far the heading may be lost from one keyframe to the next
 
@@ -49,7 +49,7 @@ class Keyframes:
         poses = way.poses_of(keys, dim)
         heading = heading_variances(piece, robot, keys)
         looks = [t for t in piece.tables if not t.row.unary]
-        seen = [t.select(is_landmark(t.keys[:, -1]) & np.isin(t.keys[:, 0], keys)) for t in looks]
+        seen = [t.select(is_landmark(t.keys[:, -1]) & among(t.keys[:, 0], keys)) for t in looks]
         seen = [t for t in seen if len(t)]
         observers = np.searchsorted(keys, np.concatenate([*(t.keys[:, 0] for t in seen), np.zeros(0, np.int64)]))
         places = _chosen(heading, np.bincount(observers, minlength=len(keys)))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import Dataset, Table, robot_of, variances
+from teamslam.model import Dataset, Table, among, robot_of, variances
 
 
 def own_rows(log: Dataset, robot: int) -> list[Table]:
@@ -20,7 +20,7 @@ def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray,
     for number, table in enumerate(log.tables):
         if table.model != "relative_pose":
             continue
-        own = (robot_of(table.keys) == robot).all(1) & np.isin(table.keys, poses).all(1)
+        own = (robot_of(table.keys) == robot).all(1) & among(table.keys, poses).all(1)
         at = np.full(table.keys.shape, -5)
         at[own] = np.searchsorted(poses, table.keys[own])
         for step, back in ((1, 0), (-1, 1)):
@@ -39,6 +39,6 @@ def heading_variances(log: Dataset, robot: int, poses: IntArray) -> Array:
     variance = np.full(len(which), np.inf)
     for number in np.unique(which[which >= 0]).tolist():
         steps, table = np.flatnonzero(which == number), log.tables[number]
-        whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))[row[steps]]
-        variance[steps] = variances(whitening)[:, table.dim :].sum(-1)
+        each = variances(table.whitening)[:, table.dim :].sum(-1)
+        variance[steps] = np.broadcast_to(each, len(table))[row[steps]]
     return variance

@@ -23,7 +23,7 @@ from teamslam.joining.start.odometry import heading_variances, own_rows
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.joining.start.wound import wound
-from teamslam.model import Dataset, Layout, Table, Values, is_landmark, pose_kind
+from teamslam.model import Dataset, Layout, Table, Values, among, is_landmark, pose_kind
 
 HEADING_SIGMA = 0.2  # [rad]: up to here dead reckoning is a good start; a chord errs by about half its square, 2 %
 SHORT = 15  # poses of a way that is tried bent; longer ones are grown
@@ -77,7 +77,7 @@ def local_kinds(layout: Layout, dim: int) -> Layout:
 def _loops(piece: Dataset, robot: int, keys: np.ndarray) -> bool:
     """Whether the robot's own relative poses close loops (another between the same two is none)."""
     pairs = [np.sort(t.keys, 1) for t in own_rows(piece, robot)]
-    within = [p[np.isin(p, keys).all(1)] for p in pairs]
+    within = [p[among(p, keys).all(1)] for p in pairs]
     return bool(within) and len(np.unique(np.concatenate(within), axis=0)) > len(keys) - 1
 
 
