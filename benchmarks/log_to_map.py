@@ -1,15 +1,19 @@
 """From log files to a map with figures, stage by stage, beside what is done by hand today.
 
-    python benchmarks/log_to_map.py [--preset 2d|planar] [--poses 10000] [--json FILE] [--page FILE]
+    python benchmarks/log_to_map.py [--preset 2d|planar] [--poses 10000 ...] [--limit 600] [--json F] [--page F]
 
-A simulated team of 5 robots in one folder of CSV files. teamslam goes through its stages as `teamslam run` does. By
-hand: pandas reads the same files, robots are dead reckoned, and GTSAM solves from there (sightings as bearing and
-range, which its wheel has compiled; in the plane only). Both are judged by one cost: teamslam's F at each estimate.
-Rows: `{tool, stage, seconds}` and `{tool, total, cost}`; what cannot run here stands under `absent` with the reason.
+A simulated team of 5 robots in one folder of CSV files. teamslam goes through its stages as `teamslam run` does, all of
+them, figures included. By hand, in the plane: pandas reads the same files, robots are dead reckoned by NumPy, and
+somebody's solver finds the optimum from there, by its own Levenberg-Marquardt until a step gains less than 1e-8 of the
+cost: GTSAM from Python (sightings as bearing and range, which its wheel has compiled), Ceres and g2o in C++, fed by a
+script. Nothing is said there of how sure the map is or whether it fits, and nothing is drawn. All are judged by one
+cost: teamslam's F at each estimate. Each tool by hand has a process of its own, stopped after `--limit` seconds.
+Rows: `{tool, stage, seconds}` and `{tool, total, cost}`; what gives no map here stands under `absent` with the reason.
 """
 
 import argparse
 import json
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,13 +26,17 @@ from typing import Any, TypeVar
 import numpy as np
 
 import teamslam as ts
+from peers import native
 from run import machine
-from teamslam.model import Dataset, Values
+from teamslam.geometry import Pose
+from teamslam.model import Dataset, Kind, Values, landmark_key, pose_key
 from teamslam.sim import PRESETS
 from teamslam.solver import System
 
 T = TypeVar("T")
 Row = dict[str, Any]
+HERE = Path(__file__).parent
+BY_HAND = {"pandas + GTSAM": "gtsam", "pandas + Ceres": "ceres", "pandas + g2o": "g2o"}
 
 
 class Stages:
@@ -50,39 +58,41 @@ class Stages:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--preset", choices=("2d", "planar"), default="2d")
-    parser.add_argument("--poses", type=int, default=10_000, help="of each of the 5 robots")
+    parser.add_argument("--poses", type=int, nargs="+", default=[10_000], help="of each of the 5 robots; sizes in turn")
+    parser.add_argument("--limit", type=float, default=600.0, help="seconds for each tool by hand")
     parser.add_argument("--json", type=Path, help="write the numbers here too")
-    parser.add_argument("--page", type=Path, help="write the table as a page here")
+    parser.add_argument("--page", type=Path, help="write the tables as a page here")
     options = parser.parse_args()
-    absent = {"g2o, Ceres": "their programs of benchmarks/peers know no sightings between robots"}
+    reports = [measured(options.preset, poses, options.limit) for poses in options.poses]
+    text = "\n\n".join(table(options.preset, **report) for report in reports)
+    print(f"{machine()}\n\n{text}")
+    if options.json:
+        whole = {"machine": machine(), "preset": options.preset, **reports[0], "more": reports[1:]}
+        options.json.write_text(json.dumps(whole, indent=1) + "\n")
+    if options.page:
+        options.page.write_text(page(text), encoding="utf-8")
+
+
+def measured(preset: str, poses: int, limit_s: float) -> Row:
+    """The rows of all tools on one team, and what gave no map."""
+    absent: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as work:
         log = Path(work) / "log"
-        world = replace(PRESETS[options.preset], robots=5, poses=options.poses, landmarks=max(options.poses // 20, 20))
+        world = replace(PRESETS[preset], robots=5, poses=poses, landmarks=max(poses // 20, 20))
         ts.write(ts.simulate(world, 0), log, format="plain")
         dataset = ts.read(log)
         rows = ours(log, Path(work) / "map")
-        if options.preset != "2d":
-            absent["pandas + GTSAM"] = "its wheel has no compiled factor for points in space seen from the plane"
-        elif not (find_spec("gtsam") and find_spec("pandas")):
-            absent["pandas + GTSAM"] = "not installed; pip install gtsam pandas"
-        else:
-            from peers.by_hand import from_files
-
-            stages = Stages("pandas + GTSAM")
-            rows += [*stages.rows, *finished(stages, dataset, from_files(log, dataset, stages))]
-    text = table(rows, absent, options)
-    print(text)
-    if options.json:
-        report = {
-            "machine": machine(),
-            "preset": options.preset,
-            "poses": options.poses,
-            "rows": rows,
-            "absent": absent,
-        }
-        options.json.write_text(json.dumps(report, indent=1) + "\n")
-    if options.page:
-        options.page.write_text(f"# From log to map\n\n{text}\n", encoding="utf-8")
+        for tool, solver in BY_HAND.items():
+            if preset != "2d":
+                absent[tool] = "its programs here know no points in space seen from the plane"
+            elif reason := missing(solver):
+                absent[tool] = reason
+            else:
+                try:
+                    rows += by_hand(tool, solver, log, dataset, Path(work), limit_s)
+                except RuntimeError as problem:
+                    absent[tool] = str(problem)
+    return {"poses": poses, "rows": rows, "absent": absent}
 
 
 def ours(log: Path, out: Path) -> list[Row]:
@@ -103,20 +113,64 @@ def ours(log: Path, out: Path) -> list[Row]:
     return finished(stages, dataset, result.map.all_values)
 
 
+def missing(solver: str) -> str:
+    """Why a tool cannot run here, or nothing."""
+    wanted = ["pandas", *(["gtsam"] if solver == "gtsam" else [])]
+    absent = [name for name in wanted if not find_spec(name)]
+    if absent:
+        return f"not installed; pip install {' '.join(absent)}"
+    return "" if solver == "gtsam" else native.missing(solver)
+
+
+def by_hand(tool: str, solver: str, log: Path, dataset: Dataset, work: Path, limit_s: float) -> list[Row]:
+    """A tool's rows. Raises RuntimeError with the reason where it gives no map."""
+    rows, found = work / "rows.json", work / "map.npz"
+    if solver != "gtsam":
+        native.compiled(solver)
+    command = [sys.executable, str(HERE / "peers" / "by_hand.py"), solver, str(log), str(rows), str(found)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s)
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f"no map in {limit_s:.0f} s") from None
+    if done.returncode:
+        raise RuntimeError(f"ended with {done.returncode}: {(done.stderr.strip().splitlines() or [''])[-1]}")
+    stages = Stages(tool)
+    stages.rows += [{"tool": tool, **row} for row in json.loads(rows.read_text())]
+    return finished(stages, dataset, values_of(found))
+
+
+def values_of(path: Path) -> Values:
+    """A map that was made by hand."""
+    with np.load(path) as file:
+        ways = {int(name.split("_")[1]): file[name] for name in file.files if name.startswith("robot_")}
+        names, marks = file["names"], file["marks"]
+    keys = np.concatenate([pose_key(r, np.arange(len(way)) * 1_000_000) for r, way in ways.items()])
+    poses = Pose.from_xytheta(np.concatenate(list(ways.values())))
+    return Values.of({Kind.POSE2: (keys, poses), Kind.POINT2: (landmark_key(names), marks)})
+
+
 def finished(stages: Stages, dataset: Dataset, values: Values) -> list[Row]:
     """The rows of a tool, its total last."""
     system = System(values.layout, tables=dataset.tables, fixed=values.layout.keys[:1], names=dataset.names)
     return [*stages.rows, stages.total(float(system.cost(values)))]
 
 
-def table(rows: list[Row], absent: dict[str, str], options: argparse.Namespace) -> str:
-    lines = [f"{machine()}, `{' '.join([Path(sys.executable).name, *sys.argv])}`", ""]
-    lines += [f"5 robots, {5 * options.poses:,} poses, preset {options.preset}.", ""]
-    lines += ["| tool | stage | seconds |", "|---|---|---|"]
-    lines += [f"| {r['tool']} | {r['stage']} | {r['seconds']:.2f} |" for r in rows if "stage" in r]
-    lines += ["", "| tool | total [s] | cost F |", "|---|---|---|"]
+def table(preset: str, poses: int, rows: list[Row], absent: dict[str, str]) -> str:
+    """Every tool's stages, and their totals, in words."""
+    lines = [f"## 5 robots, {5 * poses:,} poses, preset {preset}", ""]
+    lines += ["| tool | total [s] | cost F |", "|---|---:|---:|"]
     lines += [f"| {r['tool']} | {r['total']:.2f} | {r['cost']:.3f} |" for r in rows if "total" in r]
-    return "\n".join([*lines, "", *(f"Not run: {name}: {why}." for name, why in absent.items())])
+    lines += [f"| {tool} | {why} | |" for tool, why in absent.items()]
+    lines += ["", "| tool | stage | seconds |", "|---|---|---:|"]
+    lines += [f"| {r['tool']} | {r['stage']} | {r['seconds']:.2f} |" for r in rows if "stage" in r]
+    return "\n".join(lines)
+
+
+def page(text: str) -> str:
+    """The tables with what they mean and the command that made them."""
+    first, _, rest = __doc__.split("\n\n", 2)
+    command = f"python {' '.join(sys.argv)}"
+    return f"# From log to map\n\n{first}\n\n```bash\n{command}\n```\n\n{rest.strip()}\n\n{machine()}.\n\n{text}\n"
 
 
 if __name__ == "__main__":

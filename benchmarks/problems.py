@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from peers.native import Flat
+
 SIGMA_T, SIGMA_R, SIGMA_P = 0.02, 0.0005, 0.1
 NEAREST_M = 1.5
 STYLES = ("lawn_mower", "random_walk")
@@ -67,17 +69,24 @@ class Problem:
         np.savez(path, **{f.name: getattr(self, f.name) for f in fields(self)})
 
     def save_flat(self, path: Path) -> None:
-        """Write it as a plain row of numbers for the programs in C++: six counts, then the arrays, int64 and double."""
-        counts = [self.dim, self.robots.max() + 1, len(self.robots), len(self.start_P), len(self.odometry_from)]
-        with path.open("wb") as file:
-            np.array([*counts, len(self.seen)], np.int64).tofile(file)
-            for numbers in (self.odometry_from, self.seen_from, self.seen):
-                numbers.astype(np.int64).tofile(file)
-            for reals in (
-                self.odometry_T, self.odometry_R, self.sightings, self.start_T, self.start_R, self.start_P
-            ):  # fmt: skip
-                np.ascontiguousarray(reals, float).tofile(file)
-            np.array([SIGMA_T, SIGMA_R, SIGMA_P]).tofile(file)
+        """Write it for the programs in C++."""
+        steps = len(self.odometry_from)
+        Flat(
+            robots=int(self.robots.max()) + 1,
+            step_from=self.odometry_from,
+            step_to=self.odometry_from + 1,
+            step_T=self.odometry_T,
+            step_R=self.odometry_R,
+            sigma_T=np.full(steps, SIGMA_T),
+            sigma_R=np.full(steps, SIGMA_R),
+            seen_from=self.seen_from,
+            seen=self.seen,
+            sightings=self.sightings,
+            sigma_P=SIGMA_P,
+            T=self.start_T,
+            R=self.start_R,
+            P=self.start_P,
+        ).save(path)
 
     @classmethod
     def load(cls, path: Path) -> "Problem":

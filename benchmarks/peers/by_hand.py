@@ -1,121 +1,141 @@
-"""What people do by hand: pandas for the files, dead reckoning by numpy, GTSAM for the optimum. In the plane.
+"""What people do by hand, in the plane: pandas for files, dead reckoning by NumPy, somebody's solver for the optimum.
 
-GTSAM as who knows it sets it up: elimination by METIS, whose factor is the smaller one on long ways that meet, and
-Levenberg-Marquardt to a relative change of 1e-8 in at most 100 iterations, since its defaults (COLAMD, 1e-5) end early.
+    python benchmarks/peers/by_hand.py gtsam|ceres|g2o LOG ROWS.json MAP.npz
+
+LOG is a simulated team's folder of CSV files. A process of its own, so that it can be stopped: rows {stage, seconds}
+and the map are written once the optimum is found.
 """
 
+import json
+import sys
+import time
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import gtsam
 import numpy as np
 import pandas as pd
 
-from teamslam.geometry import Pose
-from teamslam.model import Dataset, Kind, Values, landmark_key, pose_key
+T = TypeVar("T")
+SOLVERS = {"gtsam": "by_hand_gtsam", "ceres": "by_hand_native", "g2o": "by_hand_native"}
+WHAT = ("odometry", "landmarks", "robots")
 
 
-def from_files(log: Path, dataset: Dataset, stages: Any) -> Values:
-    """The team's optimum by GTSAM, from the CSV files of a simulated team."""
-    robots = sorted(dataset.robots)
-    files = stages("read", lambda: {
-        what: {r: pd.read_csv(log / f"{what}_{r}.csv") for r in robots if (log / f"{what}_{r}.csv").exists()}
-        for what in ("odometry", "landmarks", "robots")
-    })  # fmt: skip
-    noise = {t.source: np.linalg.inv(t.whitening[0].T @ t.whitening[0]) for t in dataset.tables}
-    start = stages("start", lambda: dead_reckoned(files, robots))
-    graph, initial = stages("build", lambda: problem(files, robots, start, noise))
-    found = stages("solve", lambda: gtsam.LevenbergMarquardtOptimizer(graph, initial, parameters()).optimize())
-    return stages("read back", lambda: values_of(found, start))
+class Stages:
+    """Seconds of each stage."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def __call__(self, stage: str, work: Callable[[], T]) -> T:
+        began = time.perf_counter()
+        result = work()
+        self.rows.append({"stage": stage, "seconds": time.perf_counter() - began})
+        return result
 
 
-def parameters() -> Any:
-    found = gtsam.LevenbergMarquardtParams()
-    found.setOrderingType("METIS")
-    found.setRelativeErrorTol(1e-8)
-    found.setAbsoluteErrorTol(0.0)
-    found.setMaxIterations(100)
-    return found
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One table of each kind for each robot, and the covariance of each kind's rows."""
+
+    robots: list[int]
+    tables: dict[str, dict[int, pd.DataFrame]]
+    noise: dict[str, np.ndarray]
+
+    @classmethod
+    def read(cls, folder: Path) -> "Log":
+        about = tomllib.loads((folder / "team.toml").read_text())
+        robots = [robot["number"] for robot in about["robot"]]
+        files = {what: {r: folder / f"{what}_{r}.csv" for r in robots} for what in WHAT}
+        tables = {what: {r: pd.read_csv(f) for r, f in of.items() if f.exists()} for what, of in files.items()}
+        return cls(robots, tables, {log["source"]: np.array(log["covariance"]) for log in about["log"]})
 
 
-def dead_reckoned(files: Any, robots: list[int]) -> dict[str, Any]:
-    ways = {}
-    for r in robots:
-        steps = files["odometry"][r][["x", "y", "theta"]].to_numpy()
-        heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-        c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
-        moved = np.stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]], -1)
-        ways[r] = np.column_stack([np.vstack([[0.0, 0.0], np.cumsum(moved, 0)]), heading])
-    placed, poses = {robots[0]}, {robots[0]: ways[robots[0]]}
-    while len(placed) < len(robots):
-        before = len(placed)
-        for seer, table in files["robots"].items():
-            for row in table.itertuples():
-                other, here, there = int(row.other), round(row.stamp), round(row.other_stamp)
-                if (seer in placed) == (other in placed):
-                    continue
-                z = gtsam.Pose2(row.x, row.y, row.theta)
-                known, new = (seer, other) if seer in placed else (other, seer)
-                at, then = (here, there) if known == seer else (there, here)
-                target = gtsam.Pose2(*poses[known][at]).compose(z if known == seer else z.inverse())
-                shift = target.compose(gtsam.Pose2(*ways[new][then]).inverse())
-                R = shift.rotation().matrix()
-                xy = ways[new][:, :2] @ R.T + shift.translation()
-                poses[new] = np.column_stack([xy, ways[new][:, 2] + shift.theta()])
-                placed.add(new)
-        if len(placed) == before:
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Poses (n, 3) [m, m, rad] of each robot in time order, and landmarks by number."""
+
+    poses: dict[int, np.ndarray]
+    marks: dict[int, np.ndarray]
+
+    def save(self, path: Path) -> None:
+        names = sorted(self.marks)
+        ways = {f"robot_{r}": way for r, way in self.poses.items()}
+        np.savez(path, names=names, marks=np.array([self.marks[n] for n in names]), **ways)
+
+
+def main() -> None:
+    solver, folder, rows, out = sys.argv[1], *map(Path, sys.argv[2:])
+    solve = import_module(SOLVERS[solver]).solve
+    stages = Stages()
+    log = stages("read", lambda: Log.read(folder))
+    start = stages("start", lambda: dead_reckoned(log))
+    found: Map = solve(solver, log, start, stages)
+    found.save(out)
+    rows.write_text(json.dumps(stages.rows))
+
+
+def dead_reckoned(log: Log) -> Map:
+    """Each robot along its odometry, the first from the origin, others from where somebody who has a place saw them or
+    was seen by them; each landmark where it was first seen."""
+    ways = {r: way(log.tables["odometry"][r]) for r in log.robots}
+    first = log.robots[0]
+    poses = {first: ways[first]}
+    while len(poses) < len(ways):
+        robot, placed = next(placements(log, ways, poses), (None, None))
+        if robot is None:
             raise RuntimeError("the robots have not all seen each other")
+        poses[robot] = placed
     marks: dict[int, np.ndarray] = {}
-    for r, table in files["landmarks"].items():
-        first = table.drop_duplicates("landmark")
-        at = poses[r][first["stamp"].round().astype(int)]
-        c, s, z = np.cos(at[:, 2]), np.sin(at[:, 2]), first[["x", "y"]].to_numpy()
+    for r, table in log.tables["landmarks"].items():
+        seen = table.drop_duplicates("landmark")
+        at = poses[r][seen["stamp"].round().astype(int)]
+        c, s, z = np.cos(at[:, 2]), np.sin(at[:, 2]), seen[["x", "y"]].to_numpy()
         places = at[:, :2] + np.stack([c * z[:, 0] - s * z[:, 1], s * z[:, 0] + c * z[:, 1]], -1)
-        for name, place in zip(first["landmark"].tolist(), places, strict=True):
+        for name, place in zip(seen["landmark"].tolist(), places, strict=True):
             marks.setdefault(int(name), place)
-    return {"poses": poses, "marks": marks}
+    return Map({r: poses[r] for r in log.robots}, marks)
 
 
-def problem(files: Any, robots: list[int], start: Any, noise: Any) -> tuple[Any, Any]:
-    graph, initial = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    for r, way in start["poses"].items():
-        for k, pose in enumerate(way.tolist()):
-            initial.insert(key(r, k), gtsam.Pose2(*pose))
-    for name, place in start["marks"].items():
-        initial.insert(name, place)
-    first = key(robots[0], 0)
-    graph.push_back(gtsam.NonlinearEqualityPose2(first, initial.atPose2(first)))
-    steps, seen = (gtsam.noiseModel.Gaussian.Covariance(noise[what]) for what in ("odometry", "robots"))
-    for r, table in files["odometry"].items():
-        for k, z in enumerate(table[["x", "y", "theta"]].to_numpy().tolist()):
-            graph.push_back(gtsam.BetweenFactorPose2(key(r, k), key(r, k + 1), gtsam.Pose2(*z), steps))
-    for r, table in files["robots"].items():
+def way(odometry: pd.DataFrame) -> np.ndarray:
+    """A robot's way from the origin, by its odometry alone."""
+    steps = odometry[["x", "y", "theta"]].to_numpy()
+    heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
+    c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
+    moved = np.stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]], -1)
+    return np.column_stack([np.vstack([[0.0, 0.0], np.cumsum(moved, 0)]), heading])
+
+
+def placements(log: Log, ways: dict[int, np.ndarray], poses: dict[int, np.ndarray]) -> Any:
+    """Robots without a place that a sighting ties to one with a place, and their ways there."""
+    for seer, table in log.tables["robots"].items():
         for row in table.itertuples():
-            z = gtsam.Pose2(row.x, row.y, row.theta)
-            graph.push_back(
-                gtsam.BetweenFactorPose2(key(r, round(row.stamp)), key(int(row.other), round(row.other_stamp)), z, seen)
-            )
-    sigma = float(np.sqrt(noise["landmarks"][0, 0]))
-    for r, table in files["landmarks"].items():
-        xy = table[["x", "y"]].to_numpy()
-        ranges, bearings = np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0])
-        observers, names = table["stamp"].round().astype(int).tolist(), table["landmark"].astype(int).tolist()
-        for k, name, distance, bearing in zip(observers, names, ranges.tolist(), bearings.tolist(), strict=True):
-            sd = gtsam.noiseModel.Diagonal.Sigmas(np.array([sigma / distance, sigma]))
-            graph.push_back(gtsam.BearingRangeFactor2D(key(r, k), name, gtsam.Rot2(bearing), distance, sd))
-    return graph, initial
+            other, z = int(row.other), np.array([row.x, row.y, row.theta])
+            here, there = round(row.stamp), round(row.other_stamp)
+            if seer in poses and other not in poses:
+                yield other, moved_to(compose(poses[seer][here], z), ways[other], there)
+            elif other in poses and seer not in poses:
+                yield seer, moved_to(compose(poses[other][there], inverse(z)), ways[seer], here)
 
 
-def key(robot: int, k: int) -> int:
-    return robot * 10_000_000 + k
+def compose(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    c, s = np.cos(a[2]), np.sin(a[2])
+    turned = np.stack([c * b[..., 0] - s * b[..., 1], s * b[..., 0] + c * b[..., 1]], -1)
+    return np.concatenate([a[:2] + turned, a[2] + b[..., 2:]], -1)
 
 
-def values_of(found: Any, start: Any) -> Values:
-    keys, poses = [], []
-    for r, way in start["poses"].items():
-        keys.append(pose_key(r, np.arange(len(way)) * 1_000_000))
-        poses += [(p.x(), p.y(), p.theta()) for p in (found.atPose2(key(r, k)) for k in range(len(way)))]
-    names = sorted(start["marks"])
-    points = np.array([found.atPoint2(name) for name in names])
-    values = {Kind.POSE2: (np.concatenate(keys), Pose.from_xytheta(np.array(poses)))}
-    return Values.of({**values, Kind.POINT2: (landmark_key(np.array(names)), points)})
+def inverse(a: np.ndarray) -> np.ndarray:
+    c, s = np.cos(a[2]), np.sin(a[2])
+    return np.array([-c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]])
+
+
+def moved_to(place: np.ndarray, whole: np.ndarray, at: int) -> np.ndarray:
+    """A way moved as a body so that its pose `at` comes to a place."""
+    return compose(compose(place, inverse(whole[at])), whole)
+
+
+if __name__ == "__main__":
+    main()

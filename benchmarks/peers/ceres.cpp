@@ -1,5 +1,6 @@
 // Ceres with analytic Jacobians in the tangent space. Variants: amd (its own default), metis (nested dissection of the
-// block graph by CHOLMOD's METIS, handed over as an elimination order: this Ceres has no option for it).
+// block graph by CHOLMOD's METIS, handed over as an elimination order: this Ceres has no option for it), careful (metis,
+// with its own trust region instead of Gauss-Newton steps).
 #include <ceres/ceres.h>
 #include <cholmod.h>
 
@@ -181,7 +182,7 @@ std::vector<int> dissect(const Problem& p) {
     static_cast<double*>(triplet->x)[triplet->nnz++] = 1.0;
   };
   for (int64_t i = 0; i < n; ++i) add(i, i);
-  for (int64_t k = 0; k < p.steps; ++k) add(p.step_from[k], p.step_from[k] + 1);
+  for (int64_t k = 0; k < p.steps; ++k) add(p.step_from[k], p.step_to[k]);
   for (int64_t k = 0; k < p.sightings; ++k) add(p.seen_from[k], p.poses + p.seen[k]);
   cholmod_sparse* graph = cholmod_triplet_to_sparse(triplet, 0, &common);
   cholmod_factor* factor = cholmod_analyze(graph, &common);
@@ -214,10 +215,9 @@ class Model {
     }
     for (int64_t k = 0; k < p.landmarks; ++k) problem_->AddParameterBlock(points_.data() + D * k, D);
     for (int64_t k = 0; k < p.steps; ++k) {
-      const int64_t a = p.step_from[k];
       problem_->AddResidualBlock(
-          new Step<D>(p.step_T.data() + D * k, p.step_R.data() + D * D * k, p.sigma_T, p.sigma_R), nullptr,
-          poses_[a].data(), poses_[a + 1].data());
+          new Step<D>(p.step_T.data() + D * k, p.step_R.data() + D * D * k, p.sigma_T[k], p.sigma_R[k]), nullptr,
+          poses_[p.step_from[k]].data(), poses_[p.step_to[k]].data());
     }
     for (int64_t k = 0; k < p.sightings; ++k)
       problem_->AddResidualBlock(new Sighting<D>(p.z.data() + D * k, p.sigma_P), nullptr,
@@ -230,14 +230,16 @@ class Model {
     options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     options.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
     options.num_threads = 2;
-    options.max_num_iterations = 50;
+    options.max_num_iterations = 100;
     options.function_tolerance = 1e-8;
     options.gradient_tolerance = 0.0;
     options.parameter_tolerance = 0.0;
-    options.initial_trust_region_radius = 1e16;  // Gauss-Newton steps
-    options.max_trust_region_radius = 1e20;
+    if (variant_ != "careful") {  // Gauss-Newton steps
+      options.initial_trust_region_radius = 1e16;
+      options.max_trust_region_radius = 1e20;
+    }
     options.logging_type = ceres::SILENT;
-    if (variant_ == "metis") {
+    if (variant_ != "amd") {
       const std::vector<int> place = dissect(p_);
       options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
       for (int64_t k = 0; k < p_.poses; ++k)

@@ -1,7 +1,8 @@
 // g2o with Gauss-Newton. Variants: cholmod, eigen (its two sparse Cholesky solvers, both with a block AMD order: g2o has
-// no nested dissection).
+// no nested dissection), careful (cholmod, with Levenberg-Marquardt).
 #include <g2o/core/block_solver.h>
 #include <g2o/core/optimization_algorithm_gauss_newton.h>
+#include <g2o/core/optimization_algorithm_levenberg.h>
 #include <g2o/core/sparse_optimizer.h>
 #include <g2o/core/sparse_optimizer_terminate_action.h>
 #include <g2o/solvers/cholmod/linear_solver_cholmod.h>
@@ -65,8 +66,11 @@ class Model {
       linear = std::make_unique<g2o::LinearSolverEigen<Matrix>>();
     else
       linear = std::make_unique<g2o::LinearSolverCholmod<Matrix>>();
-    algorithm_ = std::make_shared<g2o::OptimizationAlgorithmGaussNewton>(
-        std::make_unique<typename World::Blocks>(std::move(linear)));
+    auto blocks = std::make_unique<typename World::Blocks>(std::move(linear));
+    if (variant == "careful")
+      algorithm_ = std::make_shared<g2o::OptimizationAlgorithmLevenberg>(std::move(blocks));
+    else
+      algorithm_ = std::make_shared<g2o::OptimizationAlgorithmGaussNewton>(std::move(blocks));
     graph_.setAlgorithm(algorithm_);
     auto enough = std::make_shared<g2o::SparseOptimizerTerminateAction>();
     enough->setGainThreshold(1e-8);
@@ -91,15 +95,15 @@ class Model {
       graph_.addVertex(point);
       points_.push_back(point);
     }
-    typename World::Step::InformationType of_steps = World::Step::InformationType::Identity();
-    of_steps.template topLeftCorner<D, D>() /= p.sigma_T * p.sigma_T;
-    of_steps.template bottomRightCorner<World::turns, World::turns>() *= World::turn_information(p.sigma_R);
     for (int64_t k = 0; k < p.steps; ++k) {
       auto step = std::make_shared<typename World::Step>();
       step->setVertex(0, poses_[p.step_from[k]]);
-      step->setVertex(1, poses_[p.step_from[k] + 1]);
+      step->setVertex(1, poses_[p.step_to[k]]);
       step->setMeasurement(World::pose(p.step_T.data() + D * k, p.step_R.data() + D * D * k));
-      step->setInformation(of_steps);
+      typename World::Step::InformationType information = World::Step::InformationType::Identity();
+      information.template topLeftCorner<D, D>() /= p.sigma_T[k] * p.sigma_T[k];
+      information.template bottomRightCorner<World::turns, World::turns>() *= World::turn_information(p.sigma_R[k]);
+      step->setInformation(information);
       graph_.addEdge(step);
     }
     const typename World::Sighting::InformationType of_points =
@@ -117,7 +121,7 @@ class Model {
 
   int solve() {
     graph_.initializeOptimization();
-    return graph_.optimize(50);
+    return graph_.optimize(100);
   }
 
   Estimate read() const {
@@ -150,7 +154,7 @@ class Model {
  private:
   const Problem& p_;
   g2o::SparseOptimizer graph_;
-  std::shared_ptr<g2o::OptimizationAlgorithmGaussNewton> algorithm_;
+  std::shared_ptr<g2o::OptimizationAlgorithmWithHessian> algorithm_;
   std::vector<std::shared_ptr<typename World::Pose>> poses_;
   std::vector<std::shared_ptr<typename World::Point>> points_;
 };

@@ -16,9 +16,10 @@
 
 struct Problem {
   int64_t d = 0, robots = 0, poses = 0, landmarks = 0, steps = 0, sightings = 0;
-  std::vector<int64_t> step_from, seen_from, seen;
+  std::vector<int64_t> step_from, step_to, seen_from, seen;
   std::vector<double> step_T, step_R, z, T, R, P;  // rotations row by row
-  double sigma_T = 0, sigma_R = 0, sigma_P = 0;
+  std::vector<double> sigma_T, sigma_R;            // of each step
+  double sigma_P = 0;
 
   explicit Problem(const char* path) {
     std::ifstream file(path, std::ios::binary);
@@ -32,10 +33,10 @@ struct Problem {
       file.read(reinterpret_cast<char*>(out.data()), count * sizeof out[0]);
     };
     for (int64_t* count : {&d, &robots, &poses, &landmarks, &steps, &sightings}) read(*count);
-    take(step_from, steps), take(seen_from, sightings), take(seen, sightings);
+    take(step_from, steps), take(step_to, steps), take(seen_from, sightings), take(seen, sightings);
     take(step_T, steps * d), take(step_R, steps * d * d), take(z, sightings * d);
     take(T, poses * d), take(R, poses * d * d), take(P, landmarks * d);
-    for (double* sigma : {&sigma_T, &sigma_R, &sigma_P}) read(*sigma);
+    take(sigma_T, steps), take(sigma_R, steps), read(sigma_P);
   }
 };
 

@@ -6,6 +6,8 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 HERE = Path(__file__).parent
 BUILD = HERE.parent.parent / "build" / "benchmarks"
 G2O = HERE.parent.parent / "build" / "g2o"
@@ -40,6 +42,42 @@ PROGRAMS = {
         "G2O_ROOT",
     ),
 }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Flat:
+    """A problem as the programs read it, poses and landmarks numbered from 0; the first pose is held fixed.
+
+    Steps (m,) are relative poses between any two poses, with sigmas [m], [rad]; sightings (s,) points in the body. The
+    start is T (poses, d), R (poses, d, d), P (landmarks, d).
+    """
+
+    robots: int
+    step_from: np.ndarray
+    step_to: np.ndarray
+    step_T: np.ndarray
+    step_R: np.ndarray
+    sigma_T: np.ndarray
+    sigma_R: np.ndarray
+    seen_from: np.ndarray
+    seen: np.ndarray
+    sightings: np.ndarray
+    sigma_P: float
+    T: np.ndarray
+    R: np.ndarray
+    P: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write it as a plain row of numbers: six counts, then the arrays, int64 and double."""
+        counts = [self.T.shape[1], self.robots, len(self.T), len(self.P), len(self.step_from), len(self.seen)]
+        with path.open("wb") as file:
+            for whole in (counts, self.step_from, self.step_to, self.seen_from, self.seen):
+                np.asarray(whole, np.int64).tofile(file)
+            for real in (self.step_T, self.step_R, self.sightings, self.T, self.R, self.P,
+                         self.sigma_T, self.sigma_R, [self.sigma_P]):  # fmt: skip
+                np.ascontiguousarray(real, float).tofile(file)
+
+
 INCLUDES = ("/usr/include/eigen3", "/usr/include/suitesparse")
 
 

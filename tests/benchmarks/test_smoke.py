@@ -36,7 +36,12 @@ def test_from_log_to_map_has_a_row_for_every_stage(preset: str, tmp_path: Path) 
     assert ours >= {"read", "split", "join", "exactness", "covariances", "score", "write", "figures"}
     totals = {row["tool"]: row for row in report["rows"] if "total" in row}
     assert totals["teamslam"]["total"] > 0.0 and totals["teamslam"]["cost"] > 0.0
-    assert set(totals) | set(report["absent"]) >= {"teamslam", "pandas + GTSAM"}
+    by_hand = {"pandas + GTSAM", "pandas + Ceres", "pandas + g2o"}
+    assert set(totals) | set(report["absent"]) == {"teamslam", *by_hand}
+    for tool in by_hand & set(totals):
+        assert totals[tool]["cost"] == pytest.approx(totals["teamslam"]["cost"], rel=0.01)
+    for tool in by_hand & set(totals) - {"pandas + GTSAM"}:  # full least squares of the same cost
+        assert totals[tool]["cost"] <= totals["teamslam"]["cost"]
 
 
 def test_joins_stand_beside_full_least_squares(tmp_path: Path) -> None:
