@@ -10,6 +10,7 @@ from stress.claims import is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.oracle import Oracle, TooLarge, spoken_of
+from stress.places import fits_there
 from teamslam.geometry import Array
 from teamslam.model import WORLD, Dataset, LeftOut, Table, is_pose, robot_of
 
@@ -162,5 +163,7 @@ def _remark(remark: str, outcome: Outcome, findings: Findings) -> None:
         findings.check("remark: a robot that no row speaks of", silent, remark)
     elif match := re.fullmatch(r"submap (.+) stopped (\S+) sigma from its optimum, and is used as it is", remark):
         findings.check("remark: a submap that is nearly at its optimum", float(match[2]) <= LITTLE, remark)
+    elif (true := fits_there(remark, [c.map for c in outcome.components], log.tables)) is not None:
+        findings.check("remark: a landmark that fits at two places", true, remark)
     else:
         findings.check("a remark that cannot be checked", False, remark)

@@ -11,6 +11,7 @@ import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
+from teamslam.joining.join.second_places import second_places
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import (
     WORLD,
@@ -54,10 +55,11 @@ class Unbuilt:
 
 def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> Joined:
     """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`,
-    every variable and every row once. A robot that brought nothing is a remark."""
+    every variable and every row once. Robots that brought nothing and landmarks with two places are remarks."""
     left_out = tuple(_Books(log, [c.map for c in joined.components]).entries(unbuilt))
     silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
     remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
+    remarks += [sentence for c in joined.components for sentence in second_places(c.map, log.tables)]
     return replace(joined, left_out=left_out, remarks=(*joined.remarks, *remarks))
 
 

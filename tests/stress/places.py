@@ -1,0 +1,60 @@
+"""Landmarks that are said to fit at two places: SciPy looks for the other one, with all poses where they are."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import minimize
+
+from teamslam.geometry import Array
+from teamslam.model import Submap, Table, Values, is_landmark, point_kind
+
+TWO = re.compile(r"ambiguous: (.+) is at \((.+)\) or at \((.+)\), for (?:no|at most (\S+)) more of cost: .+", re.DOTALL)
+ABOVE = re.compile(
+    r"(.+): ranges from robots of a plane leave open whether this is above or below it; above is assumed"
+)
+OTHERS = re.compile(r"ambiguous in the same way: (.+)")
+
+
+def fits_there(remark: str, maps: Sequence[Submap], tables: Sequence[Table]) -> bool | None:
+    """Whether what a remark says of second places is true; None where it speaks of none."""
+    if match := TWO.fullmatch(remark):
+        there = np.array([float(number) for number in match[3].split(",")])
+        return any(_costs(whole, match[1], there, tables) <= float(match[4] or 0.0) * 1.1 + 0.1 for whole in maps)
+    if match := ABOVE.fullmatch(remark):
+        names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
+        return any(all(_mirrored(whole, name, tables) for name in names) for whole in maps)
+    if match := OTHERS.fullmatch(remark):
+        names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
+        return any(all(_key(whole, name) is not None for name in names) for whole in maps)
+    return None
+
+
+def _key(whole: Submap, name: str) -> int | None:
+    marks = whole.keys[is_landmark(whole.keys)].tolist()
+    return next((key for key in marks if whole.names.describe(key) == name), None)
+
+
+def _costs(whole: Submap, name: str, there: Array, tables: Sequence[Table]) -> float:
+    """How much more than where it is a landmark costs at its optimum near another place; inf where there is none."""
+    if (key := _key(whole, name)) is None:
+        return np.inf
+    values, kind = whole.all_values, point_kind(len(there))
+    rows = [t.select((t.keys[:, -1] == key) & np.asarray(values.layout.contains(t.keys).all(1))) for t in tables]
+
+    def cost(place: Array) -> float:
+        moved = values.update(Values.of({kind: (np.array([key]), place[None])}))
+        return sum(float(t.loss.cost((t.whitened(moved) ** 2).sum(1)).sum()) for t in rows if len(t))
+
+    here = values.positions(np.array([key]), len(there))[0]
+    near = minimize(cost, there, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-6, "maxiter": 4000})
+    best = minimize(cost, here, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-6, "maxiter": 4000})
+    return float(near.fun - best.fun) if np.linalg.norm(near.x - best.x) > 1e-3 else np.inf
+
+
+def _mirrored(whole: Submap, name: str, tables: Sequence[Table]) -> bool:
+    key = _key(whole, name)
+    if key is None:
+        return False
+    here = whole.values.positions(np.array([key]), 3)[0]
+    return _costs(whole, name, here * [1.0, 1.0, -1.0], tables) <= 0.1
