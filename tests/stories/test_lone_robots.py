@@ -6,7 +6,7 @@ import pytest
 import teamslam as ts
 from teamslam.config import Config, JoinOptions
 from teamslam.errors import ModelError, SolveError
-from teamslam.model import Dataset
+from teamslam.model import Dataset, Loss
 from worlds import team
 
 METHODS = [
@@ -38,6 +38,15 @@ def test_a_robot_that_stood_alone_is_left_out_by_name(config: Config) -> None:
     told = [lost for lost in joined.left_out if lost.kind == "piece"]
     in_a_map = any(np.isin(log.pose_keys[2], c.map.keys).all() for c in joined.components)
     assert in_a_map or "stands alone" in told[0].reason
+
+
+@pytest.mark.parametrize("config", METHODS)
+def test_a_lone_pose_that_saw_others_under_a_loss_that_forgives_says_so(config: Config) -> None:
+    log = team("2d", robots=2).with_loss(Loss("huber", 1.0))
+    first = log.pose_keys[2][0]
+    once = [t.select(t.keys[:, 0] == first) for t in log.tables if t.robot == 2 and t.source == "robots"]
+    (lost,) = ts.run(log.with_tables([*(t for t in log.tables if t.robot == 1), *once]), config).joined.left_out[:1]
+    assert lost.kind == "piece" and "a loss forgives" in lost.reason
 
 
 @pytest.mark.parametrize("config", METHODS)

@@ -161,6 +161,16 @@ def _stands_alone(saying: Saying) -> bool:
     return False
 
 
+def _forgiven(saying: Saying) -> bool:
+    """No row ties the pose to another one of its robot, and every pose that was seen from there a loss forgives."""
+    for key in _keys_called(saying, saying["base"]):
+        tables = [t.select((t.keys == key).any(1)) for t in saying.outcome.log.tables if t.robot == robot_of(key)]
+        seen = [t for t in tables if len(t) and t.model == "relative_pose"]
+        if seen and all(t.loss.name != "squared" and (robot_of(t.keys[:, 1]) != t.robot).all() for t in seen):
+            return True
+    return False
+
+
 def _world_open(saying: Saying) -> bool:
     """Turning the whole map about costs nothing, or little."""
     return any(turns_in_the_world(saying.oracle, int(own[0])) for own in saying.oracle.robots.values())
@@ -226,6 +236,10 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     ),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other about (?P<more>[^ ]+?) more\. ", _costs),
     "not determined": (r"^(SolveError: )?(?P<what>.+) is not determined by", _not_determined),
+    "stands alone, and is forgiven": (
+        r"^(SolveError: )?(?P<base>.+) stands alone: .*, and where it saw others a loss forgives",
+        _forgiven,
+    ),
     "stands alone": (r"^(SolveError: )?(?P<base>.+) stands alone: no odometry leads to it or from it", _stands_alone),
     "the world is open": (r"the map's orientation in the world is not determined", _world_open),
     "no odometry links": (r"no odometry links (?P<what>.+) to (?P<base>.+); cut the log", _no_link),

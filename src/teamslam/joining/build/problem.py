@@ -35,6 +35,7 @@ from teamslam.solver import Options, Solution, Step, System, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
+FORGIVEN = "where it saw others a loss forgives: one such sighting could be wrong, and nothing would tell"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +63,8 @@ class Problem:
         held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
         if len(held) == 1:
             raise SolveError(
-                f"{piece.names.describe(int(poses[0]))} stands alone: no odometry leads to it or from it, and nothing "
-                f"seen from there fixes a place"
+                f"{piece.names.describe(int(poses[0]))} stands alone: no odometry leads to it or from it, and "
+                f"{FORGIVEN if _sees_a_pose(raw) else 'nothing seen from there fixes a place'}"
             )
         guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
@@ -153,6 +154,11 @@ def _holds(table: Table, robot: int, poses: IntArray, known: Layout) -> BoolArra
     whole_robot = table.model == "relative_pose" and table.loss.name == "squared"
     own = among(table.keys, poses).all(1) | (is_landmark(target) & known.contains(target))
     return np.where(other_robot, whole_robot & known.contains(target), own)
+
+
+def _sees_a_pose(tables: Iterable[Table]) -> bool:
+    """Whether some row tells a whole pose."""
+    return any(t.model == "relative_pose" and (t.ranks == t.row.residual_rows(t.dim)).any() for t in tables)
 
 
 def the_robot(piece: Dataset) -> int:
