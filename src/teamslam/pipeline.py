@@ -33,7 +33,7 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options, each_side_by_side, meanwhile
-from teamslam.trust import Verdict, explained, verdict
+from teamslam.trust import Verdict, explained, verdict, with_plain_reasons
 from teamslam.wire.pieces import write_pieces
 
 T = TypeVar("T")
@@ -101,6 +101,7 @@ def run(
             joined = with_exactness(joined, pairs(pieces, submaps), at)
         clock.start("verdict on the fit")
         judged = verdict(log, joined, at)
+        joined = with_plain_reasons(joined, judged)
         costs = [part.cost for part in judged.parts] or [cost_of(c.map, log.tables) for c in joined.components]
         clock.start("covariances")
     clock.start("score")

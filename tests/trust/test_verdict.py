@@ -8,8 +8,9 @@ from scipy.stats import chi2, kstest
 
 from faults import negated_angle, plant, surer
 from teamslam.joining import build, full, join, split
-from teamslam.model import Loss
-from teamslam.trust import sentence, verdict
+from teamslam.joining.build.build import CURE
+from teamslam.model import LeftOut, Loss, Sources
+from teamslam.trust import Cause, sentence, verdict, with_plain_reasons
 from teamslam.trust.tally import by_landmark, by_robot, by_sensor, by_stretch, whole
 from worlds import WORLDS, team
 
@@ -121,3 +122,16 @@ def test_where_nothing_is_to_spare_nothing_is_said() -> None:
     found = verdict(log, full(log))
     assert found.level == "unknown" and not found.gross
     assert "none is left to check it" in sentence(found)
+
+
+def test_no_advice_on_solving_where_the_log_is_wrong() -> None:
+    """What was left out keeps its reason, and loses advice that would not help; of other robots it keeps both."""
+    log = plant(team("2d", robots=2, poses=12, landmarks=8), negated_angle, source="landmarks", robots=(1,))
+    joined = join([build(piece) for piece in split(log)])
+    lost = [
+        LeftOut("piece", f"robot {r}", log.pose_keys[r], Sources.of(()), 0, f"it did not converge.{CURE}")
+        for r in (1, 2)
+    ]
+    found = replace(verdict(log, joined), causes=(Cause("sign", "robot 1: wrong", 1.0, (1,)),))
+    told = with_plain_reasons(replace(joined, left_out=tuple(lost)), found).left_out
+    assert told[0].reason == "it did not converge." and told[1].reason == lost[1].reason

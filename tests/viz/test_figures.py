@@ -29,6 +29,7 @@ from teamslam.viz import (
     draw_residuals_by_landmark,
 )
 from teamslam.viz.frame import log_scale
+from teamslam.viz.residuals import dots
 from teamslam.viz.space import region_wires
 from teamslam.viz.style import COLUMNS, NARROW, saved, seen, style
 
@@ -216,6 +217,14 @@ def test_residuals_are_drawn_by_robot_and_sensor() -> None:
     assert "8 of 12 robots whose residuals are largest" in many and "robot-11" in many and "robot-0" not in many
     timeless = [replace(track, stamps_s=np.full(60, np.nan)) for track in left(1)]
     assert image(draw_residuals(timeless))
+
+
+def test_few_residuals_are_seen_as_well_as_many() -> None:
+    """The fewer dots, the larger and darker each; never the other way, and bounded."""
+    looks = [dots(count) for count in (1, 10, 100, 1_000, 1_500)]
+    for name, least, most in (("ms", 2.0, 5.0), ("alpha", 0.35, 0.8)):
+        found = [look[name] for look in looks]
+        assert found == sorted(found, reverse=True) and found[0] == most and found[-1] == pytest.approx(least)
     with pytest.raises(InputError):
         draw_residuals([])
 

@@ -14,13 +14,14 @@ What a join's own approximation adds to the cost is never held against the log; 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap, Joined
+from teamslam.joining.build.build import CURE
 from teamslam.model import Dataset, Names, chi2_quantile, robot_of
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
@@ -94,10 +95,26 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
 
 
 def explained(error: SolveError, log: Dataset) -> SolveError:
-    """The error that a log cannot be solved with what it looks like, where a robot's log contradicts itself."""
+    """The error that a log cannot be solved with what it looks like, where a robot's log contradicts itself: that
+    first, and no advice on how to solve it, which would not help."""
     found = mistakes_of_robots(log, log.robots)
-    looks = "".join(f"\nThe log looks like this: {cause.sentence}" for cause in found)
-    return SolveError(f"{error}{looks}", key=error.key) if found else error
+    looks = "".join(f"the log looks like this: {cause.sentence}\n" for cause in found)
+    return SolveError(f"{looks}As it is: {_bare(str(error))}", key=error.key) if found else error
+
+
+def with_plain_reasons(joined: Joined, found: Verdict) -> Joined:
+    """What was left out of a map with its reason, but without advice on how to solve the logs of robots in which a
+    mistake was found: it would not help."""
+    wrong = {robot for cause in found.causes if cause.is_mistake for robot in cause.robots}
+    left_out = [
+        replace(lost, reason=_bare(lost.reason)) if wrong & {*robot_of(lost.keys).tolist()} else lost
+        for lost in joined.left_out
+    ]
+    return replace(joined, left_out=tuple(left_out))
+
+
+def _bare(reason: str) -> str:
+    return reason.replace(CURE, "")
 
 
 def unknown(reason: str) -> Verdict:

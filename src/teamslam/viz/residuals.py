@@ -81,14 +81,19 @@ def _over_time(axes: "Axes", tracks: Sequence[ResidualTrack], colour: str) -> No
     if not len(stamps):
         return
     thin = slice(None, None, -(-len(stamps) // MOST_DOTS))
-    axes.plot(
-        stamps[thin], size[thin], ls="none", marker=".", ms=2.0, mew=0.0, color=colour, alpha=0.35, rasterized=True
-    )
+    axes.plot(stamps[thin], size[thin], color=colour, rasterized=True, **dots(len(stamps[thin])))
     edges = np.linspace(stamps.min(), stamps.max(), STRETCHES + 1)
     place = np.clip(np.searchsorted(edges, stamps, side="right") - 1, 0, STRETCHES - 1)
     held = np.unique(place)
     medians = [float(np.median(size[place == n])) for n in held]
     axes.plot(0.5 * (edges[held] + edges[held + 1]), medians, color=INK, lw=1.0)
+
+
+def dots(count: int) -> dict[str, Any]:
+    """How so many dots of one panel look: the fewer they are, the larger and the darker each."""
+    few = MOST_DOTS / max(count, 1)
+    size, shade = min(2.0 * few**0.25, 5.0), min(0.35 * few**0.2, 0.8)
+    return {"ls": "none", "marker": ".", "ms": size, "mew": 0.0, "alpha": shade}
 
 
 @styled

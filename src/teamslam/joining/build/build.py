@@ -24,6 +24,8 @@ from teamslam.model import Dataset, Submap, Values, is_landmark
 from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
 from teamslam.solver.optimise import DEFAULTS
 
+CURE = " Cut the log into shorter pieces, or allow more iterations"
+"""What is advised where a piece is not solved; where the log itself is wrong, it does not help."""
 LITTLE = 0.1  # [sigmas] from the optimum: the estimate and its information are as good as there
 
 
@@ -188,6 +190,5 @@ def usable(solution: Solution) -> bool:
 def _not_converged(solution: Solution) -> str:
     return (
         f"a submap of {len(solution.values)} variables did not converge after {solution.iterations} iterations "
-        f"(distance to go {solution.decrement:.2g} sigma). {solution.status.value} Cut the log into shorter pieces, "
-        f"or allow more iterations"
+        f"(distance to go {solution.decrement:.2g} sigma). {solution.status.value}{CURE}"
     )
