@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, IntArray, Pose
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
 from teamslam.model.layout import pose_kind
 from teamslam.model.tables import Table
@@ -53,6 +53,15 @@ class Sources(frozenset[Stretch]):
                 if len(run):
                     found.append(Stretch(robot, source, int(run[0]), int(run[-1]) + 1))
         return cls(found)
+
+    def rows_of(self, table: Table) -> BoolArray:
+        """Which rows (m,) of a table are among them."""
+        mine = sorted((s.start, s.stop) for s in self if (s.robot, s.source) == (table.robot, table.source))
+        if not mine:
+            return np.zeros(len(table), bool)
+        starts, stops = np.array(mine, np.int64).T
+        at = np.searchsorted(starts, table.ids, side="right") - 1
+        return np.asarray((at >= 0) & (table.ids < stops[np.maximum(at, 0)]))
 
     def overlap(self, other: "Sources") -> Stretch | None:
         """A stretch that stands in both, or None: what would be counted twice."""

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.joining.exact.gap import point_of
-from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import WORLD, Submap, Table
+from teamslam.joining.exact.gap import point_of, rows_in
+from teamslam.model import Submap, Table
 from teamslam.solver import System
 
 
@@ -25,12 +24,12 @@ class Cost:
 
 
 def cost_of(map: Submap, tables: Iterable[Table]) -> Cost:
-    """What measurements cost at a map: those of whose rows it knows every variable.
+    """What measurements cost at a map: those that are in it (see `rows_in`).
 
     Law: at the map of `full` it is the least there is, whoever made the map.
     """
     values = point_of(map)
-    tables, _ = usable_rows(tables, values.layout, world=map.base == WORLD)
+    tables = rows_in(map, tables)
     system = System(values.layout, tables=tables, names=map.names)
     squared = [np.sum(system.whitened(number, values) ** 2, -1) for number in range(len(tables))]
     cost = sum(float(table.loss.cost(s).sum()) for table, s in zip(tables, squared, strict=True))

@@ -8,7 +8,7 @@ zero. What robots and coordinator would find between them is found here at once,
 one solve, since sums over robots are sums.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -68,12 +68,12 @@ def gap_at(values: Values, tables: Sequence[Table], joined: Submap) -> Gap:
 
 
 class AtMap:
-    """The rows of `tables` that speak of a map, at its estimate `values`: linearised together once, when somebody first
+    """The rows of `tables` that are in a map, at its estimate `values`: linearised together once, when somebody first
     asks, for all who ask."""
 
     def __init__(self, tables: Sequence[Table], joined: Submap) -> None:
         self.joined, self.values = joined, point_of(joined)
-        self.tables, _ = usable_rows(tables, self.values.layout, world=joined.base == WORLD)
+        self.tables = rows_in(joined, tables)
 
     @cached_property
     def gap(self) -> Gap:
@@ -81,8 +81,18 @@ class AtMap:
         return gap_at(self.values, self.tables, self.joined)
 
     def __len__(self) -> int:
-        """How many rows speak of the map."""
+        """How many rows are in the map."""
         return sum(map(len, self.tables))
+
+
+def rows_in(joined: Submap, tables: Iterable[Table]) -> list[Table]:
+    """The rows of `tables` that a map was made of: those of its sources that do not wait for a variable that it lacks.
+
+    A row may speak of what a map knows and yet be in none, as the rows of a piece that no submap could be built of.
+    """
+    held = [(table, joined.sources.rows_of(table)) for table in tables]
+    mine = [table if mask.all() else table.select(mask) for table, mask in held if mask.any()]
+    return usable_rows(mine, point_of(joined).layout, world=joined.base == WORLD)[0]
 
 
 def frame_of(joined: Submap) -> IntArray:

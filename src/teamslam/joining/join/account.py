@@ -21,7 +21,6 @@ from teamslam.model import (
     LeftOut,
     Names,
     Sources,
-    Stretch,
     Submap,
     Table,
     is_landmark,
@@ -103,7 +102,7 @@ class _Books:
     def __init__(self, log: Dataset, maps: Sequence[Submap]) -> None:
         self.log, self.maps, self.names = log, maps, log.names
         self.known = np.unique(np.concatenate([*(m.keys for m in maps), np.zeros(0, np.int64)]))
-        held = {s for m in maps for s in m.sources}
+        held = Sources(s for m in maps for s in m.sources)
         waiting = [table for m in maps for table in m.raw]
         self.open = [_not_held(table, held, waiting) for table in log.tables]
         self.missing = np.setdiff1d(log.layout.keys, self.known)
@@ -119,7 +118,7 @@ class _Books:
                 if len(poses)
                 else (f"rows of robot {self.names.robot(own)}")
             )
-            mine = [mask & ~_not_held(t, set(rows), ()) for t, mask in zip(self.log.tables, self.open, strict=True)]
+            mine = [mask & rows.rows_of(t) for t, mask in zip(self.log.tables, self.open, strict=True)]
             yield self._taken("piece", what, poses, mine, lost.reason)
         for key in self.missing[is_landmark(self.missing)].tolist():
             rows_of = [m & (t.keys[:, -1] == key) for t, m in zip(self.log.tables, self.open, strict=True)]
@@ -194,12 +193,7 @@ def _noun(model: str, count: int) -> str:
     return words.get(model, model) if count == 1 else plural.get(model, model + "s")
 
 
-def _not_held(table: Table, held: Iterable[Stretch], waiting: Iterable[Table]) -> BoolArray:
-    """Which rows (m,) of a table are not among some stretches, or still wait."""
-    mine = sorted((s.start, s.stop) for s in held if (s.robot, s.source) == (table.robot, table.source))
-    starts = np.array([a for a, _ in mine], np.int64)
-    stops = np.array([b for _, b in mine], np.int64)
-    at = np.searchsorted(starts, table.ids, side="right") - 1
-    there = (at >= 0) & (table.ids < stops[np.maximum(at, 0)]) if len(mine) else np.zeros(len(table), bool)
+def _not_held(table: Table, held: Sources, waiting: Iterable[Table]) -> BoolArray:
+    """Which rows (m,) of a table are not among some, or still wait."""
     late = [t.ids for t in waiting if (t.robot, t.source) == (table.robot, table.source)]
-    return np.asarray(~there | (np.isin(table.ids, np.concatenate(late)) if late else False))
+    return np.asarray(~held.rows_of(table) | (np.isin(table.ids, np.concatenate(late)) if late else False))
