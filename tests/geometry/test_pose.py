@@ -222,14 +222,3 @@ def test_poses_copy_what_they_are_made_of() -> None:
     one = Pose.identity(2, (2,))
     one.rotation[0, 0, 0] = 5.0
     assert_allclose(one.rotation[1], np.eye(2))
-
-
-@given(st.data(), dims)
-def test_what_is_seen_from_near_by_does_not_round_by_how_far_away_both_are(data: st.DataObject, dim: int) -> None:
-    """Coordinates of a national grid are millions of metres; what lies between two poses there is known as well as they
-    are, however they are turned."""
-    a, b = data.draw(poses(dim, (7,))), data.draw(poses(dim, (7,)))
-    far = np.full(dim, 2.0**22)
-    a, b = Pose(a.rotation, np.round(a.translation, 3) + far), Pose(b.rotation, np.round(b.translation, 3) + far)
-    near = Pose(a.rotation, a.translation - far).between(Pose(b.rotation, b.translation - far))
-    assert_same(a.between(b), near, 1e-12)

@@ -153,10 +153,8 @@ class Pose:
         return Pose(transposed, -_apply(transposed, self.translation))
 
     def between(self, other: "Pose") -> "Pose":
-        """X1^-1 X2: the other pose as seen from this one. Far from the origin it rounds as the difference does."""
-        dim = max(self.dim, other.dim)
-        a, b = self.lift(dim), other.lift(dim)
-        return Pose(np.swapaxes(a.rotation, -1, -2) @ b.rotation, a.unact(b.translation))
+        """X1^-1 X2: the other pose as seen from this one."""
+        return self.inverse() @ other
 
     def act(self, points: Array) -> Array:
         """Body points to the world: R p + T, (..., d) -> (..., d)."""

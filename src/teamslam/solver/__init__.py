@@ -5,8 +5,9 @@ from teamslam.solver.covariance import Covariances
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
-from teamslam.solver.optimise import Options, convex_start, optimise
+from teamslam.solver.optimise import Options, optimise
 from teamslam.solver.parallel import each_side_by_side, meanwhile, side_by_side
+from teamslam.solver.reach import convex_start, reach, refuse_rounding
 from teamslam.solver.rules import RULES
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
@@ -32,5 +33,7 @@ __all__ = [
     "meanwhile",
     "optimise",
     "optimise_graduated",
+    "reach",
+    "refuse_rounding",
     "side_by_side",
 ]

@@ -8,6 +8,14 @@ from teamslam.model import Table, Values
 from teamslam.solver.system import System
 
 
+class Open(SolveError):
+    """A search ended at `values`, where a variable is held by nothing."""
+
+    def __init__(self, problem: SolveError, values: Values) -> None:
+        super().__init__(str(problem), key=problem.key)
+        self.values = values
+
+
 def fault_at(system: System, values: Values) -> SolveError:
     """Why the cost of a system, its gradient or H is not finite at `values`: the error to raise."""
     if not np.isfinite(values.state).all():

@@ -23,7 +23,7 @@ import numpy as np
 
 from teamslam.errors import InputError, SolveError
 from teamslam.model import Values
-from teamslam.solver.faults import fault_at, fault_of_step
+from teamslam.solver.faults import Open, fault_at, fault_of_step
 from teamslam.solver.linear import Factor, Matrix
 from teamslam.solver.newton import SLOW, SLOW_JOIN, Bend, Curvature
 from teamslam.solver.rules import RULES, Proposal, dot, full_step
@@ -96,22 +96,6 @@ def optimise(
         return search.solution()
 
 
-def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> Values:
-    """A better start where losses forgive far outliers: under those, a start may lie beyond what they still see.
-
-    Huber's loss of the same scale has one basin for each row; it is solved first, roughly. Where no loss forgives, or
-    where that leads to nothing better (onto the sensor, say, where a landmark may have any bearing), `start`.
-    """
-    convex = system.convex()
-    if convex is system:
-        return start
-    try:
-        rough = optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
-    except SolveError:
-        return start
-    return rough if system.cost(rough) < system.cost(start) else start
-
-
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """A step, how far it goes [sigmas] (to the optimum of the model where it is a full one), where it leads, how far
@@ -182,6 +166,8 @@ class _Search:
             return
         if taken:
             self.values, self.cost, self.made = values, cost, partial(_information, self.system, values)
+        if self.factored != "none":
+            self._refuse_open()
         self.status, self.decrement = Status.CONVERGED, trial.ahead
 
     def go_on(self, trial: _Trial) -> None:
@@ -222,7 +208,7 @@ class _Search:
         """The estimate as it stands."""
         system = self.system
         if self.status is Status.MAX_ITERATIONS:
-            self.decrement = self._distance()
+            self.decrement = self._distance_so_far()
         robust = any(table.loss.name != "squared" for table in system.tables)
         return Solution(
             values=self.values,
@@ -405,10 +391,32 @@ class _Search:
             raise self._named(problem) from None
         return math.sqrt(max(dot(self.at.gradient, self.factor.solve(self.at.gradient)), 0.0))
 
+    def _refuse_open(self) -> None:
+        """Raise SolveError where the curvature at an optimum holds what the information leaves open."""
+        information = self.made()
+        try:
+            self.factor.factorise(information.numbers)
+        except SolveError as problem:
+            raise self._named(problem) from None
+        self.made = lambda: information
+
+    def _distance_so_far(self) -> float:
+        """The same on the way, where a variable may be open as yet: as far as what is held tells."""
+        damping = 0.0
+        while True:
+            try:
+                self.factor.factorise(self.at.information.numbers, damping * self.at.scale)
+            except SolveError as problem:
+                if damping > 1.0:
+                    raise self._named(problem) from None
+                damping = max(ROUNDING, 10.0 * damping)
+            else:
+                return math.sqrt(max(dot(self.at.gradient, self.factor.solve(self.at.gradient)), 0.0))
+
     def _named(self, problem: SolveError) -> SolveError:
         """Why H has no factor: numbers that are not finite, or as the factor said."""
         finite = np.isfinite(self.at.hessian.numbers).all()
-        return problem if finite else fault_at(self.system, self.values)
+        return Open(problem, self.values) if finite else fault_at(self.system, self.values)
 
     def _note(self, trial: _Trial, accepted: bool) -> None:
         largest, elapsed = float(np.abs(trial.step.delta).max()), time.perf_counter() - self.began

@@ -21,7 +21,7 @@ from teamslam.errors import SolveError
 from teamslam.joining.build.problem import ROUGH, Problem, apart, the_robot
 from teamslam.joining.start.starts import starts
 from teamslam.model import Dataset, Submap, Values, is_landmark
-from teamslam.solver import Options, Solution, Step, System, convex_start, optimise
+from teamslam.solver import Options, Solution, Step, System, convex_start, optimise, reach, refuse_rounding
 from teamslam.solver.optimise import DEFAULTS
 
 CURE = " Cut the log into shorter pieces, or allow more iterations"
@@ -133,9 +133,10 @@ def _descended(
     while True:
         try:
             found = _distinct(problem.system, problem.guesses, options)
-            first = optimise(problem.system, found[0], options, progress)
+            first = reach(problem.system, found[0], options, progress)
             if first.senseless:
                 first = min([first, *problem.driven(options, progress)], key=lambda solution: solution.cost)
+            refuse_rounding(problem.system, first)
             undecided = problem.undecided(first, options)
             if not len(undecided):
                 break
@@ -147,7 +148,11 @@ def _descended(
             problem = Problem.of(problem.piece, np.append(problem.loose, error.key))
     yield problem.submap(first, id, version), first
     for start in found[1:]:
-        solution = optimise(problem.system, start, options, progress)
+        try:
+            solution = optimise(problem.system, start, options, progress)
+            refuse_rounding(problem.system, solution)
+        except SolveError:
+            continue
         if solution.converged:
             yield problem.submap(solution, id, version), solution
 

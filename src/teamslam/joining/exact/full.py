@@ -21,8 +21,8 @@ from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
 from teamslam.joining.join.optimum import in_the_way, less
-from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values
-from teamslam.solver import Options, Solution, Step, System, optimise
+from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values, is_landmark
+from teamslam.solver import Options, Solution, Step, System, reach
 from teamslam.solver.optimise import DEFAULTS
 
 NOBODY = np.zeros(0, np.int64)
@@ -93,16 +93,20 @@ def _solved(
     dataset: Dataset, joined: Submap, start: Values, options: Options, progress: Callable[[Step], None] | None
 ) -> tuple[Solution, list[Table], IntArray]:
     """The solution, the tables that it is of, and what is held. A landmark with which there is none is left out."""
+    world = True
     while True:
-        tables = list(_within(dataset.tables, start))
+        tables = [table for table in _within(dataset.tables, start) if world or not table.row.unary]
         if not tables:
             raise ModelError("none of the dataset's measurements speak of the map to start from")
         anchored, fixed, tables = _gauge(start, joined, tables)
         system = System(anchored.layout, tables=tables, fixed=fixed, names=dataset.names)
         try:
-            return optimise(system, anchored, options, progress), tables, fixed
+            return reach(system, anchored, options, progress), tables, fixed
         except SolveError as error:
-            start = less(start, in_the_way(start, error, NOBODY, tables))
+            if len(fixed) or joined.base == WORLD or is_landmark(error.key or 0):
+                start = less(start, in_the_way(start, error, NOBODY, tables))
+            else:
+                world = False  # free to turn in the world after all (see `anchor`)
 
 
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:

@@ -159,12 +159,29 @@ def _join_cluster(
     ids = tuple(sorted(member.whole.id for member in inside))
     if len(inside) == 1 and not inside[0].whole.raw:
         return Component(inside[0].whole, None, ids)
-    found = [Optimum.of(inside, frames, options, progress) for frames in (cluster.frames, *cluster.others)]
+    found = _optima(inside, cluster, options, progress)
     if by_halves and len(inside) > 2 and min(found, key=_excess).shared.senseless:
         found += _from_halves(inside, options, progress)
     best, *others = sorted(found, key=_excess)
     dearer = tuple(_excess(other) - _excess(best) for other in others if _close(best, other))
     return Component(best.map(inside[0].whole.base_dim), best.solution, ids, dearer=dearer)
+
+
+def _optima(
+    inside: Sequence[Member], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
+) -> list[Optimum]:
+    """The optima from all assemblies that lead to one. Raises SolveError where none does."""
+    found: list[Optimum] = []
+    problem: SolveError | None = None
+    for frames in (cluster.frames, *cluster.others):
+        try:
+            found.append(Optimum.of(inside, frames, options, progress))
+        except SolveError as error:
+            problem = problem or error
+    if not found:
+        assert problem is not None
+        raise problem
+    return found
 
 
 def _from_halves(members: Sequence[Member], options: Options, progress: Callable[[Step], None] | None) -> list[Optimum]:

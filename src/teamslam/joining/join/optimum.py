@@ -18,7 +18,7 @@ from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
-from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, optimise
+from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,9 @@ class Optimum:
         submaps = [member.joined for member in members]
         raw = [table for submap in submaps for table in submap.raw]
         stack = Stack.of(submaps)
-        start, loose = triangulate(start_values(stack, frames), raw), np.zeros(0, np.int64)
+        start, loose, world = triangulate(start_values(stack, frames), raw), np.zeros(0, np.int64), True
         while True:
-            usable, _ = usable_rows(raw, start.layout)
+            usable, _ = usable_rows(raw, start.layout, world=world)
             anchored, fixed, used = anchor(start, submaps[0], usable)
             start = less(surveyed(anchored, raw), loose) if in_the_world(fixed) else anchored
             if len(start) > len(anchored):
@@ -57,7 +57,10 @@ class Optimum:
             try:
                 found = cls._from(members, stack, start, used, fixed, options, progress)
             except SolveError as error:
-                start = less(start, loose := np.append(loose, in_the_way(start, error, stack.keys, used)))
+                if not world or len(fixed) or is_landmark(error.key or 0):
+                    start = less(start, loose := np.append(loose, in_the_way(start, error, stack.keys, used)))
+                else:  # positions that looked apart are not: the map is free to turn in the world
+                    start, world = less(triangulate(start_values(stack, frames), raw), loose), False
                 continue
             start = less(triangulate(found.shared.values, raw), loose)
             if len(start) == len(anchored):
@@ -89,7 +92,7 @@ class Optimum:
         terms = [SubmapTerm.of(submap) for submap in submaps if len(submap.values)]  # some share but a frame
         carried = homes(start.layout, stack)
         system = System(start.layout, tables=used, submaps=terms, fixed=fixed, names=names, homes=carried)
-        solution = optimise(system, convex_start(system, start, options), options, progress)
+        solution = reach(system, convex_start(system, start, options), options, progress)
         return cls(members, solution, used, fixed, names)
 
     @property

@@ -1,0 +1,128 @@
+"""Starts again, where one fails: a search that ends short of an optimum goes on from elsewhere.
+
+    off kinks   where rows came to a kink (see `kinks`), without them for a while, and with them again
+    convex      where losses forgive, from the optimum under a loss that does not
+
+A start is a guess. Where it leads to an optimum, that is all there is to do.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from teamslam.errors import SolveError
+from teamslam.model import Values, is_landmark
+from teamslam.solver.faults import Open
+from teamslam.solver.kinks import at_kink
+from teamslam.solver.linear import Factor
+from teamslam.solver.optimise import DEFAULTS, Options, optimise
+from teamslam.solver.solution import Solution, Step
+from teamslam.solver.system import System
+
+FEW = 30  # iterations without the rows at a kink
+ROUNDING = 0.5**53  # of the diagonal of H: each of its numbers is known no better
+AGAIN = 3  # times, at most, that rows come to a kink
+
+
+def reach(
+    system: System,
+    start: Values,
+    options: Options = DEFAULTS,
+    progress: Callable[[Step], None] | None = None,
+    factor: Factor | None = None,
+) -> Solution:
+    """`optimise`, from `start` and, where that ends short of an optimum, from elsewhere; of what is found an optimum,
+    the lowest where there is none. Raises SolveError as `optimise` does where nothing else leads anywhere."""
+    found: Solution | None = None
+    problem: SolveError | None = None
+    try:
+        found = optimise(system, start, options, progress, factor)
+        if found.converged:
+            return found
+        ended = found.values
+    except Open as error:
+        problem, ended = error, error.values
+    for other in _others(system, start, ended, options):
+        try:
+            another = optimise(system, other, options, progress, factor)
+        except SolveError:
+            continue
+        if another.converged:
+            return another
+        found = another if found is None or another.cost < found.cost else found
+    if found is None:
+        assert problem is not None
+        raise _on_a_sensor(system, start, ended, problem)
+    return found
+
+
+def _on_a_sensor(system: System, start: Values, ended: Values, problem: SolveError) -> SolveError:
+    """The same problem, laid to the landmark that a search put on its sensor, if it is of one: what hangs on that is
+    open as well."""
+    if problem.key is not None and is_landmark(problem.key):
+        return problem
+    for table in system.tables:
+        for key in table.keys[at_kink(table, start, ended), -1].tolist():
+            if is_landmark(key):
+                return SolveError(
+                    f"{system.names.describe(key)} is not determined by the measurements: they are met best with it on "
+                    f"top of a sensor that sees it, where they say nothing of where it is",
+                    key=key,
+                )
+    return problem
+
+
+def _others(system: System, start: Values, ended: Values, options: Options) -> Iterator[Values]:
+    for _ in range(AGAIN):
+        off = _off_kinks(system, start, ended, options)
+        if off is None:
+            break
+        ended = off
+        yield off
+    convex = convex_start(system, start, options)
+    if convex is not start:
+        yield convex
+
+
+def _off_kinks(system: System, start: Values, ended: Values, options: Options) -> Values | None:
+    """Where a search goes from its end without the rows that came to a kink since its start; None where there are none,
+    or nothing is found."""
+    native = {n: t for n, t in enumerate(system.tables) if t.row.native and len(t)}
+    masks = {n: at_kink(t, start, ended) for n, t in native.items()}
+    masks = {n: mask for n, mask in masks.items() if mask.any()}
+    if not masks:
+        return None
+    try:
+        for n, mask in masks.items():
+            system.set_weights(n, np.where(mask, 0.0, 1.0))
+        rough = replace(options, max_iterations=min(options.max_iterations, FEW), decrement=max(options.decrement, 0.1))
+        return optimise(system, start, rough).values
+    except SolveError:
+        return None
+    finally:
+        for n in masks:
+            system.set_weights(n, None)
+
+
+def refuse_rounding(system: System, solution: Solution) -> None:
+    """Raise SolveError, naming the variable, where the information at an estimate is positive by rounding alone: it is
+    so no more once each number of its diagonal is off by its own rounding."""
+    information = solution.hessian
+    system.factor(solution.values).factorise(information.numbers, -ROUNDING * information.diagonal())
+
+
+def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> Values:
+    """A better start where losses forgive far outliers: under those, a start may lie beyond what they still see.
+
+    Huber's loss of the same scale has one basin for each row; it is solved first, roughly. Where no loss forgives, or
+    where that leads to nothing better (onto the sensor, say, where a landmark may have any bearing), `start`.
+    """
+    convex = system.convex()
+    if convex is system:
+        return start
+    try:
+        rough = optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
+    except SolveError:
+        return start
+    return rough if system.cost(rough) < system.cost(start) else start
