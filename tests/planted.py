@@ -22,6 +22,7 @@ from teamslam.trust.causes.told import looks_like
 SEES = {"point": 0.3, "range_bearing": 0.35, "bearing": 0.1, "range": 0.1, "relative_pose": 0.15}
 MEETS = {"relative_pose": 0.4, "range_bearing": 0.4, "point": 0.2}
 TICK = 1_000_000  # of a step between poses
+MOVED = {("point", 2), ("point", 3), ("range_bearing", 2)}  # sightings by which a landmark can be moved by hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +143,7 @@ def _all_of(log: Dataset, robot: int) -> bool:
 
 
 def _two_places(log: Dataset, rng: np.random.Generator, told: str) -> Plant | None:
-    seen = [t for t in log.tables if t.source == "landmarks" and t.model in ("point", "range_bearing", "relative_pose")]
+    seen = [t for t in log.tables if t.source == "landmarks" and (t.model, t.dim) in MOVED]
     if not seen or log.truth is None:
         return None
     marks, counts = np.unique(np.concatenate([t.keys[:, -1] for t in seen]), return_counts=True)
