@@ -24,6 +24,24 @@ def test_a_direction_survives_its_rays_and_its_angles(rng: np.random.Generator, 
 
 
 @given(generators, dims)
+def test_a_basis_is_where_a_direction_goes_as_its_angles_rise(rng: np.random.Generator, dim: int) -> None:
+    """Orthonormal, square to the ray, and a small way along it is as much of the angle (of azimuth: times cos)."""
+    sphere = directions(dim)
+    rays = sphere.ray(sphere.of(rng.normal(size=(2, 5, dim))))
+    basis = sphere.direction_basis(rays)
+    assert basis.shape == (2, 5, dim, sphere.DOF)
+    np.testing.assert_allclose(
+        np.swapaxes(basis, -1, -2) @ basis,
+        np.broadcast_to(np.eye(sphere.DOF), (2, 5, *basis.shape[-1:] * 2)),
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(np.swapaxes(basis, -1, -2) @ rays[..., None], 0.0, atol=1e-12)
+    step = 1e-6
+    up = sphere.minus(sphere.of(rays + step * basis[..., -1]), sphere.of(rays))[..., -1]
+    np.testing.assert_allclose(up, step, rtol=1e-4)
+
+
+@given(generators, dims)
 def test_what_is_added_is_the_difference(rng: np.random.Generator, dim: int) -> None:
     """minus(plus(h, n), h) = n, but near the poles of the sphere."""
     sphere = directions(dim)

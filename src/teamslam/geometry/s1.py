@@ -12,6 +12,11 @@ SIZE = 1  # numbers in a direction
 DOF = 1  # angles in one
 
 
+def direction_basis(direction: Array) -> Array:
+    """The unit tangent at unit vectors (..., 2) -> (..., 2, 1): towards rising angles."""
+    return np.stack([-direction[..., 1], direction[..., 0]], -1)[..., None]
+
+
 def of(points: Array) -> Array:
     """The directions of points (..., 2) as seen from the origin."""
     return np.asarray(np.arctan2(points[..., 1], points[..., 0]))[..., None]

@@ -1,14 +1,17 @@
 """Landmarks seen only by bearings or ranges: placed where the geometry fixes them, left out where it does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from strategies import generators, random_poses
 from teamslam.geometry import Pose
 from teamslam.joining import build, full, join, split
-from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import Table, Values, is_landmark, is_pose, landmark_key, pose_key, pose_kind
+from teamslam.joining.start.triangulate import Bundle, triangulate
+from teamslam.model import MODELS, Table, Values, is_landmark, is_pose, landmark_key, pose_key, pose_kind
 from worlds import team
 
 
@@ -21,6 +24,28 @@ def test_noise_free_sightings_give_the_landmark(model: str) -> None:
     assert found.layout.contains(dataset.landmark_keys).all()
     apart = found.positions(dataset.landmark_keys, 2) - dataset.truth.positions(dataset.landmark_keys, 2)
     np.testing.assert_allclose(apart, 0.0, atol=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    generators,
+    st.sampled_from([("bearing", 2, 2), ("bearing", 3, 3), ("bearing", 2, 3), ("range", 2, 2), ("range", 3, 3)]),
+)
+def test_sightings_of_any_dimension_give_the_landmark(rng: np.random.Generator, seen: tuple[str, int, int]) -> None:
+    """By sensors of its own dimension, and by bearings in the planes of robots that are tilted every way."""
+    model, sensor, dim = seen
+    poses, marks = random_poses(rng, dim, 12, turn=3.0), rng.normal(scale=3.0, size=(3, dim))
+    keys = np.stack([pose_key(1, np.tile(np.arange(12), 3)), landmark_key(np.repeat(np.arange(3), 12))], -1)
+    row, zero = MODELS[model], np.zeros((36, MODELS[model].size[sensor - 2]))
+    table = Table(
+        1, "landmarks", model, sensor, keys, zero, np.eye(row.residual_rows(sensor))[None] * 1e3, np.arange(36)
+    )
+    values = table.predict_from(poses[np.tile(np.arange(12), 3)], np.repeat(marks, 12, 0))
+    start = Values.of({pose_kind(dim): (keys[:12, 0], poses)})
+    found = Bundle.of([replace(table, values=values)], start, landmark_key(np.arange(3)), dim)
+    places, held = found.intersected()
+    assert held.all()
+    np.testing.assert_allclose(places, marks, atol=1e-5)
 
 
 @pytest.mark.parametrize("model", ["bearing", "range"])

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, lift_points
+from teamslam.geometry import Array, IntArray, Pose, directions, lift_points
 from teamslam.model import Kind, Layout, Table, Values, unpack
 
 WHOLE = ("point", "range_bearing")  # models that fix a position at once
@@ -57,10 +57,8 @@ def sightings(
 def measured_positions(table: Table) -> Array:
     """The targets' positions in their observers' bodies (m, d), from points or ranges with bearings."""
     z = table.values
-    if table.model == "range_bearing" and table.dim == 2:
-        z = z[:, :1] * np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], -1)
-    elif table.model == "range_bearing":
-        z = z[:, :1] * z[:, 1:]
+    if table.model == "range_bearing":
+        z = z[:, :1] * directions(table.dim).ray(z[:, 1:])
     if table.sensor is None:
         return z
     dim = max(table.dim, table.sensor.dim)

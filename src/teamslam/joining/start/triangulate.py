@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array, BoolArray, IntArray, Pose
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, directions
 from teamslam.joining.start.targets import place_targets
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, point_kind
 
@@ -206,31 +206,29 @@ def _spread(mark: IntArray) -> IntArray:
 
 
 def _linear_rows(rays: _Rays, d: int) -> tuple[Array, Array]:
-    """What the sightings say of (p, q = |p|^2), linear: rows (m, k, d + 1) and values (m, k)."""
+    """What the sightings say of (p, q = |p|^2), linear: rows (m, k, d + 1) and values (m, k).
+
+    A sensor of fewer dimensions than the landmark has says as much as it sees: a bearing in the plane holds its target
+    in a plane through the sensor's upright.
+    """
     table, centres, z = rays.table, rays.eyes.translation, rays.table.values
-    m, dim = len(table), table.dim
-    rows = np.zeros((m, d, d + 1))
-    values = np.zeros((m, d))
+    seen = np.swapaxes(rays.eyes.rotation, -1, -2)[:, : table.dim]  # takes the world to what the sensor sees of it
     if table.model == "bearing":
-        ray = np.stack([np.cos(z[:, 0]), np.sin(z[:, 0])], -1) if dim == 2 else z
-        if dim == d:
-            ray = (rays.eyes.rotation @ ray[..., None])[..., 0]
-            rows[:, :, :d] = np.eye(d) - ray[:, :, None] * ray[:, None, :]
-        else:  # a plane through the sensor's upright
-            across = np.stack([-ray[:, 1], ray[:, 0], np.zeros(m)], -1)
-            rows[:, 0, :d] = (rays.eyes.rotation @ across[..., None])[..., 0]
-        values = (rows[:, :, :d] @ centres[..., None])[..., 0]
-    elif table.model == "range":
-        length = np.maximum(z[:, 0], 1e-9)
-        rows[:, 0, :dim] = -2.0 * centres[:, :dim]
-        rows[:, 0, d] = 1.0
-        values[:, 0] = length**2 - np.sum(centres[:, :dim] ** 2, -1)
-        rows, values = rows / (2.0 * length)[:, None, None], values / (2.0 * length)[:, None]
-    elif table.model == "point" and dim == d:
-        pull = table.whitening @ np.swapaxes(rays.eyes.rotation, -1, -2)
-        rows[:, :, :d] = pull
-        values = (table.whitening @ z[..., None])[..., 0] + (pull @ centres[..., None])[..., 0]
-    return rows, values
+        across = directions(table.dim).direction_basis(directions(table.dim).ray(z))
+        pull = np.swapaxes(across, -1, -2) @ seen
+        return _without_square(pull), (pull @ centres[..., None])[..., 0]
+    if table.model == "point":
+        pull = table.whitening @ seen
+        return _without_square(pull), (table.whitening @ z[..., None] + pull @ centres[..., None])[..., 0]
+    if table.model == "range":
+        length, c = np.maximum(z, 1e-9), centres * (np.arange(d) < table.dim)
+        rows = np.concatenate([-2.0 * c, np.ones((len(table), 1))], 1) / (2.0 * length)
+        return rows[:, None], (length**2 - np.sum(c**2, -1, keepdims=True)) / (2.0 * length)
+    return np.zeros((len(table), 0, d + 1)), np.zeros((len(table), 0))
+
+
+def _without_square(rows: Array) -> Array:
+    return np.concatenate([rows, np.zeros((*rows.shape[:-1], 1))], -1)
 
 
 def _linearised(rays: Sequence[_Rays], places: Array) -> tuple[Array, Array, Array]:
