@@ -118,7 +118,7 @@ def plant_in(log: Dataset, mistake: str, rng: np.random.Generator, told: str = "
     if mistake == "two places":
         return _two_places(log, rng, told)
     if mistake == "mirrored robot":
-        if len(robots) < 2 or any(t.dim == 3 and t.model == "bearing" for t in log.tables):
+        if len(robots) < 2 or any(t.model == "range" or (t.dim == 3 and t.model == "bearing") for t in log.tables):
             return None
         one = int(rng.choice(robots))
         return (
