@@ -7,6 +7,7 @@ from typing import Any
 
 from teamslam.errors import InputError
 from teamslam.io.files.delimited import read_text
+from teamslam.io.files.json_text import decoded
 from teamslam.io.files.records import LARGEST
 
 
@@ -14,15 +15,11 @@ def read_json(path: Path) -> "Json":
     """The content of a JSON file. InputError where it is no JSON, or holds numbers that are not finite."""
     text = read_text(path)
     try:
-        return Json(path, "", json.loads(text, parse_constant=_no_constant))
+        return Json(path, "", decoded(text))
     except json.JSONDecodeError as error:
         raise InputError(f"this is no JSON: {error.msg}", path=path, line=error.lineno) from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"this JSON cannot be read: {error}", path=path) from None
-
-
-def _no_constant(word: str) -> float:
-    raise ValueError(f"'{word}' stands where a finite number is needed")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from teamslam.io.graphs.g2o_tags import EDGES, NOTE, PLAIN_IDS, VERTICES
 from teamslam.io.graphs.information import information_of_whitening
 from teamslam.io.graphs.naming import note_of
 from teamslam.io.graphs.rewording import no_word_for, reworded
-from teamslam.io.graphs.symbols import COUNT_BITS, LOWER_FIRST
+from teamslam.io.graphs.symbols import LOWER_FIRST
 from teamslam.model import (
     SQUARED,
     Dataset,
@@ -80,8 +80,7 @@ class Ids:
         """The ids of keys, any shape."""
         if self._plain:
             return index_of(keys)
-        letters = np.array([ord(LOWER_FIRST.landmark), *map(ord, LOWER_FIRST.robots)], np.int64)
-        return np.asarray(letters[robot_of(keys)] << COUNT_BITS | index_of(keys))
+        return LOWER_FIRST.symbols(keys)
 
 
 def vertex_lines(values: Values, ids: Ids) -> list[str]:

@@ -14,24 +14,39 @@ come before ranges; those in space have a covariance in GTSAM's basis of the sph
 teamslam's. Source: the public format documents of JRL (Daniel McGann).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array
+from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.io.files.json_column import JsonColumn
 from teamslam.io.files.json_place import Json, read_json
+from teamslam.io.files.json_text import uncollected
 from teamslam.io.files.options import options_of
 from teamslam.io.graphs.edges import Edges, matching, robots_of, tables_of, values_of, whitened
-from teamslam.io.graphs.jrl_factors import FACTORS, KINDS, Factor
+from teamslam.io.graphs.jrl_factors import FACTORS, Factor
+from teamslam.io.graphs.jrl_keys import LARGEST_SYMBOL, keys_of, of_landmarks
 from teamslam.io.graphs.jrl_noise import covariance_here
-from teamslam.io.graphs.jrl_values import bearing_range, keyed, pose_or_point, scalar
+from teamslam.io.graphs.jrl_values import bearings_ranges, by_kind, last_of_each, poses_or_points, ranges
 from teamslam.io.graphs.jrl_writer import NOTE, lacks, write
 from teamslam.io.graphs.naming import names_in
-from teamslam.io.graphs.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
-from teamslam.model import Dataset, Dropped, Kind, Names, Values, landmark_key, pose_key, robot_of, whitening
+from teamslam.io.graphs.symbols import LOWER_FIRST, landmark_numbers
+from teamslam.model import (
+    MODELS,
+    Dataset,
+    Dropped,
+    Kind,
+    Names,
+    Values,
+    point_kind,
+    pose_kind,
+    robot_of,
+    whitening,
+)
 
 __all__ = ["Options", "lacks", "read", "sniff", "write"]
 
@@ -55,8 +70,26 @@ def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
     read: damaged JSON, missing or strange entries, covariances of the wrong size or not positive definite.
     """
     chosen = options_of(Options, options, reader="jrl")
-    content = _Content(read_json(path))
-    return content.dataset(str(path), chosen.drop_outliers)
+    with uncollected():
+        return _Content(read_json(path)).dataset(str(path), chosen.drop_outliers)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Factors of one model and dimension: their places in the file and in the order of all that are known, and what
+    their k keys are, as symbols; `landmarks` (m, k) says which of these are landmarks'."""
+
+    model: str
+    dim: int
+    places: JsonColumn
+    order: IntArray
+    symbols: Sequence[Sequence[int]]  # k columns
+    landmarks: BoolArray
+
+    def marks(self) -> Iterator[int]:
+        """The symbols of landmarks."""
+        for symbols, landmarks in zip(self.symbols, self.landmarks.T, strict=True):
+            yield from compress(symbols, landmarks)
 
 
 @dataclass
@@ -73,13 +106,8 @@ class _Content:
         factors = self._factors(drop_outliers)
         if not factors:
             raise InputError(f"no factor that teamslam knows ({', '.join(FACTORS)})", path=origin)
-        self.marks = landmark_numbers(
-            symbol
-            for factor, place in factors
-            for symbol, kind in zip(_symbols(factor, place), factor.ends, strict=True)
-            if not kind.is_pose or split_symbol(symbol)[0] == LOWER_FIRST.landmark
-        )
-        edges = self._edges(factors)
+        self.marks = landmark_numbers({symbol for rows in factors for symbol in rows.marks()})
+        edges = [self._edges(rows) for rows in factors]
         seen = np.unique(robot_of(np.concatenate([part.keys.ravel() for part in edges])))
         letters = {robot: str(LOWER_FIRST.letter(robot)) for robot in seen.tolist() if robot}
         dataset = Dataset(robots_of(edges, letters), tables_of(edges), self._names(letters), origin=origin)
@@ -102,20 +130,26 @@ class _Content:
         except ValueError as error:
             raise self.root.get(NOTE).error(f"{error}; remove it") from None
 
-    def _factors(self, drop_outliers: bool) -> list[tuple[Factor, Json]]:
-        """All known factors in the order of the file, labelled outliers left out where asked."""
-        found = []
-        for letter, robot in self.root.get("measurements").items():
-            outliers = self._outliers(letter)
-            for e, entry in enumerate(robot.elements()):
-                for m, place in enumerate(entry.get("measurements").elements() if entry.has("measurements") else ()):
-                    name = place.get("type").text()
-                    self.labelled += (e, m) in outliers
-                    if name not in FACTORS:
-                        self.unknown[name] = self.unknown.get(name, 0) + 1
-                    elif not (drop_outliers and (e, m) in outliers):
-                        found.append((FACTORS[name], place))
-        return found
+    def _factors(self, drop_outliers: bool) -> list[_Rows]:
+        """All known factors, those of each model and dimension together, labelled outliers left out where asked."""
+        robots = self.root.get("measurements").items()
+        entries, robot, number = JsonColumn.of(self.root.path, [place for _, place in robots]).elements()
+        full = entries.have("measurements")
+        places, entry, m = entries.select(full).get("measurements").elements()
+        robot, number = robot[full][entry], number[full][entry]
+        labelled = np.zeros(len(places), bool)
+        for k, (letter, _) in enumerate(robots):
+            if outliers := self._outliers(letter):
+                own = np.flatnonzero(robot == k)
+                pairs = zip(number[own].tolist(), m[own].tolist(), strict=True)
+                labelled[own] = [pair in outliers for pair in pairs]
+        self.labelled = int(labelled.sum())
+        names = places.get("type").texts()
+        for name in names:
+            if name not in FACTORS:
+                self.unknown[name] = self.unknown.get(name, 0) + 1
+        kept = np.array([name in FACTORS for name in names], bool) & ~(labelled & drop_outliers)
+        return _together(places.select(kept), [FACTORS[name] for name in compress(names, kept)])
 
     def _outliers(self, letter: str) -> set[tuple[int, int]]:
         if not self.root.has("outlier_factors"):
@@ -130,87 +164,66 @@ class _Content:
             raise labels.error("a label is a pair: the entry's number, the measurement's number")
         return {(pair[0], pair[1]) for pair in pairs}
 
-    def _edges(self, factors: Sequence[tuple[Factor, Json]]) -> list[Edges]:
-        """The factors, those of each model and dimension together."""
-        found: dict[tuple[str, int, int], list[tuple[int, Factor, Json]]] = {}
-        for order, (factor, place) in enumerate(factors):
-            found.setdefault((factor.model, factor.dim, len(factor.ends)), []).append((order, factor, place))
-        return [self._together(rows) for rows in found.values()]
-
-    def _together(self, rows: Sequence[tuple[int, Factor, Json]]) -> Edges:
+    def _edges(self, rows: _Rows) -> Edges:
         """Factors of one model and dimension."""
-        factor, places = rows[0][1], [place for _, _, place in rows]
-        keys = np.array([self._keys(other, place) for _, other, place in rows], np.int64)
-        values = np.array([_value(factor, place) for place in places])
-        noise = [covariance_here(_covariance(factor, p), v, factor.model, factor.dim)
-                 for p, v in zip(places, values, strict=True)]  # fmt: skip
+        ends = zip(rows.symbols, rows.landmarks.T, strict=True)
+        keys = np.stack([keys_of(symbols, landmarks, self.marks, rows.places) for symbols, landmarks in ends], -1)
+        if len(rows.symbols) == 2:
+            rows.places.refuse(keys[:, 0] == keys[:, 1], lambda _: "the factor goes from a variable to itself")
+        values = _measured(rows)
+        size = MODELS[rows.model].residual_rows(rows.dim)
+        covariances = rows.places.get("covariance").rows(size * size, f"a matrix {size} x {size}, row by row")
+        noise = covariance_here(covariances.reshape(-1, size, size), values, rows.model, rows.dim)
 
         def fail(row: int, problem: str) -> InputError:
-            return places[row].error(problem)
+            return rows.places.place(row).error(problem)
 
-        order, body = np.array([order for order, _, _ in rows]), np.full(len(rows), -1)
-        return Edges(
-            factor.model, factor.dim, keys, values, whitened(whitening, np.stack(noise), fail), order, body, fail
-        )
-
-    def _keys(self, factor: Factor, place: Json) -> tuple[int, ...]:
-        keys = tuple(self._key(*end, place) for end in zip(_symbols(factor, place), factor.ends, strict=True))
-        if len(set(keys)) != len(keys):
-            raise place.error("the factor goes from a variable to itself")
-        return keys
-
-    def _key(self, symbol: int, kind: Kind, place: Json) -> int:
-        letter, count = split_symbol(symbol)
-        if not kind.is_pose or letter == LOWER_FIRST.landmark:
-            return int(landmark_key(self.marks[symbol]))
-        robot = LOWER_FIRST.robot(letter)
-        if robot is None or not fits(count):
-            raise place.error(f"the key {symbol} is no robot's pose: its top byte should be a letter (but L)")
-        return int(pose_key(robot, count))
+        body = np.full(len(keys), -1)
+        return Edges(rows.model, rows.dim, keys, values, whitened(whitening, noise, fail), rows.order, body, fail)
 
     def _values(self, name: str) -> Values | None:
-        """Poses and landmarks of all robots; other types of values are of no use here."""
+        """Poses and landmarks of all robots, the last of those that stand twice; other types are of no use here."""
         if not self.root.has(name):
             return None
-        rows: dict[Kind, dict[int, Sequence[float]]] = {}
+        found: dict[Kind, list[tuple[IntArray, Array]]] = {}
         for _, robot in self.root.get(name).items():
-            for symbol, place in keyed(robot):
-                kind = KINDS.get(place.get("type").text())
-                of_landmark = kind is not None and (not kind.is_pose or split_symbol(symbol)[0] == LOWER_FIRST.landmark)
-                if kind is None or (of_landmark and symbol not in self.marks):
-                    continue
-                rows.setdefault(kind, {})[self._key(symbol, kind, place)] = pose_or_point(place, kind)
-        return values_of((kind, np.array(list(of)), np.array(list(of.values()))) for kind, of in rows.items())
+            for kind, symbols, places in by_kind(robot):
+                landmarks = of_landmarks(symbols, not kind.is_pose)
+                known = ~landmarks | np.array([symbol in self.marks for symbol in symbols], bool)
+                places = places.select(known)
+                keys = keys_of(list(compress(symbols, known)), landmarks[known], self.marks, places)
+                found.setdefault(kind, []).append((keys, poses_or_points(places, kind)))
+        return values_of((kind, *last_of_each(parts)) for kind, parts in found.items())
 
 
-def _value(factor: Factor, place: Json) -> tuple[float, ...]:
-    """What a factor measured, as a row of MODELS."""
-    measured = place.get("prior" if len(factor.ends) == 1 else "measurement")
-    if factor.model == "range":
-        found = scalar(measured)
-        if found < 0.0:
-            raise measured.error(f"a range is not negative, found {found}")
-        return (found,)
-    if factor.model == "range_bearing":
-        return bearing_range(measured, factor.dim)
-    return pose_or_point(measured, factor.value_kind)
+def _together(places: JsonColumn, factors: Sequence[Factor]) -> list[_Rows]:
+    """Factors (n,), those of each model and dimension together."""
+    groups: dict[tuple[str, int, int], int] = {}
+    which = np.array([groups.setdefault((f.model, f.dim, len(f.ends)), len(groups)) for f in factors], np.int64)
+    found = []
+    for (model, dim, count), group in groups.items():
+        order = np.flatnonzero(which == group)
+        rows = places.select(order)
+        symbols = [_symbols(rows, name) for name in (("key",) if count == 1 else ("key1", "key2"))]
+        points = np.array([[not end.is_pose for end in factors[row].ends] for row in order.tolist()])
+        landmarks = np.stack([of_landmarks(*end) for end in zip(symbols, points.T, strict=True)], -1)
+        found.append(_Rows(model, dim, rows, order, symbols, landmarks))
+    return found
 
 
-def _covariance(factor: Factor, place: Json) -> Array:
-    rows = factor.rows
-    numbers = [number.number() for number in place.get("covariance").elements()]
-    if len(numbers) != rows * rows:
-        raise place.get("covariance").error(
-            f"expected {rows * rows} numbers (a matrix {rows} x {rows}, row by row), found {len(numbers)}"
-        )
-    return np.array(numbers).reshape(rows, rows)
+def _measured(rows: _Rows) -> Array:
+    """What factors measured, as rows of MODELS (m, size)."""
+    measured = rows.places.get("prior" if len(rows.symbols) == 1 else "measurement")
+    if rows.model == "range":
+        return ranges(measured)[:, None]
+    if rows.model == "range_bearing":
+        return bearings_ranges(measured, rows.dim)
+    return poses_or_points(measured, pose_kind(rows.dim) if rows.model != "position" else point_kind(rows.dim))
 
 
-def _symbols(factor: Factor, place: Json) -> list[int]:
-    """The keys of a factor as the file has them."""
-    names = ["key"] if len(factor.ends) == 1 else ["key1", "key2"]
-    symbols = [place.get(name).whole() for name in names]
-    for symbol in symbols:
-        if not 0 <= symbol < 1 << 63:
-            raise place.error(f"keys run from 0 to 2^63 - 1, found {symbol}")
+def _symbols(places: JsonColumn, name: str) -> Sequence[int]:
+    """The keys of factors as the file has them."""
+    symbols = places.get(name).wholes()
+    bad = np.array([not 0 <= symbol <= LARGEST_SYMBOL for symbol in symbols], bool)
+    places.refuse(bad, lambda row: f"keys run from 0 to 2^63 - 1, found {symbols[row]}")
     return symbols

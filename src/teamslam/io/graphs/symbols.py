@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import landmark_number
+from teamslam.model import index_of, landmark_number, robot_of
 from teamslam.model.keys import MAX_INDEX
 
 COUNT_BITS, LABEL_BITS = 56, 48
@@ -47,6 +47,11 @@ class Alphabet:
         lookup = np.zeros(256, np.int64)
         lookup[[ord(letter) for letter in self.robots]] = np.arange(1, len(self.robots) + 1)
         return np.asarray(lookup[np.clip(letters, 0, 255)])
+
+    def symbols(self, keys: IntArray) -> IntArray:
+        """The 64-bit symbols of keys, any shape, of robots that all have a letter (see `lacks`)."""
+        letters = np.array([ord(self.landmark), *map(ord, self.robots)], np.int64)
+        return np.asarray(letters[robot_of(keys)] << COUNT_BITS | index_of(keys))
 
 
 LOWER_FIRST = Alphabet(LOWER + UPPER.replace("L", ""), "L")  # GTSAM's symbols in g2o and JRL files: robots a, b, c

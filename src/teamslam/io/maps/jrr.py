@@ -6,23 +6,22 @@ Keys are GTSAM's symbols and values are written as in JRL files (see `jrl`); lan
 There is no place for covariances. Source: the public format documents of JRL (Daniel McGann).
 """
 
-import json
 from collections.abc import Sequence
+from itertools import compress
 from pathlib import Path
 
-import numpy as np
-
 from teamslam.errors import InputError, ModelError
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import Array, IntArray, Pose
 from teamslam.io.files.json_place import Json, read_json
+from teamslam.io.files.json_text import encoded, uncollected
 from teamslam.io.files.text import write_text
-from teamslam.io.graphs.jrl_factors import KINDS
-from teamslam.io.graphs.jrl_values import keyed, pose_or_point
+from teamslam.io.graphs.jrl_keys import keys_of, of_landmarks
+from teamslam.io.graphs.jrl_values import by_kind, last_of_each, poses_or_points
 from teamslam.io.graphs.jrl_writer import NOTE, letters_of, values_by_robot
 from teamslam.io.graphs.naming import names_in, note_of
-from teamslam.io.graphs.symbols import LOWER_FIRST, fits, landmark_numbers, split_symbol
+from teamslam.io.graphs.symbols import LOWER_FIRST, landmark_numbers
 from teamslam.io.maps.estimate import MapEstimate, paths_of
-from teamslam.model import WORLD, Dropped, Kind, Names, Values, landmark_key, pose_key
+from teamslam.model import WORLD, Dropped, Kind, Names, Values
 
 METHOD = "teamslam"
 
@@ -47,42 +46,32 @@ def write(maps: Sequence[MapEstimate], path: Path) -> tuple[Dropped, ...]:
             "robots": list(letters.values()),
             "solutions": values_by_robot(found.values, letters),
         }
-        write_text(file, json.dumps(content, allow_nan=False) + "\n")
+        write_text(file, encoded(content) + "\n")
     count = sum(len(found.values) for found in maps)
     return (Dropped(count, "covariances of variables: GTSAM's values have none"),)
 
 
 def read(path: Path) -> list[MapEstimate]:
     """The map in a file. InputError names the place of what cannot be read."""
-    root = read_json(path)
-    places = [(symbol, place) for _, robot in root.get("solutions").items() for symbol, place in keyed(robot)]
-    kinds = [KINDS.get(place.get("type").text()) for _, place in places]
-    known = [(s, place, kind) for (s, place), kind in zip(places, kinds, strict=True) if kind is not None]
-    marks = landmark_numbers(
-        s for s, _, kind in known if not kind.is_pose or split_symbol(s)[0] == LOWER_FIRST.landmark
-    )
-    rows: dict[Kind, dict[int, tuple[float, ...]]] = {}
-    for symbol, place, kind in known:
-        rows.setdefault(kind, {})[_key(symbol, marks, place)] = pose_or_point(place, kind)
-    parts: dict[Kind, tuple[IntArray, Array]] = {
-        kind: (np.array(list(of), np.int64), np.array(list(of.values()))) for kind, of in rows.items()
-    }
+    with uncollected():
+        return _content(read_json(path))
+
+
+def _content(root: Json) -> list[MapEstimate]:
+    robots = [place for _, place in root.get("solutions").items()]
+    found = [(*part, of_landmarks(part[1], not part[0].is_pose)) for robot in robots for part in by_kind(robot)]
+    marks = landmark_numbers({s for _, symbols, _, landmarks in found for s in compress(symbols, landmarks)})
+    rows: dict[Kind, list[tuple[IntArray, Array]]] = {}
+    for kind, symbols, places, landmarks in found:
+        part = keys_of(symbols, landmarks, marks, places), poses_or_points(places, kind)
+        rows.setdefault(kind, []).append(part)
+    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {kind: last_of_each(of) for kind, of in rows.items()}
     try:
         return [
-            MapEstimate(Values.of({**parts}), None, *_noted(root, [int(k) for keys, _ in parts.values() for k in keys]))
+            MapEstimate(Values.of(parts), None, *_noted(root, [k for keys, _ in parts.values() for k in keys.tolist()]))
         ]
     except ModelError as error:
-        raise InputError(str(error), path=path) from None
-
-
-def _key(symbol: int, marks: dict[int, int], place: Json) -> int:
-    if symbol in marks:
-        return int(landmark_key(marks[symbol]))
-    letter, count = split_symbol(symbol)
-    robot = LOWER_FIRST.robot(letter)
-    if robot is None or not fits(count):
-        raise place.error(f"the key {symbol} is no robot's pose: its top byte should be a letter (but L)")
-    return int(pose_key(robot, count))
+        raise InputError(str(error), path=root.path) from None
 
 
 def _noted(root: Json, keys: list[int]) -> tuple[int, Names]:
