@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teamslam.errors import InputError
+from teamslam.io.files.garbage import uncollected
 from teamslam.io.files.json_column import JsonColumn
 from teamslam.io.files.json_place import Json
-from teamslam.io.files.json_text import decoded, encoded, finite, uncollected
+from teamslam.io.files.json_text import decoded, encoded, finite
 
 PATH = Path("log.json")
 NUMBERS = st.one_of(

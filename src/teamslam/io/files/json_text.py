@@ -1,9 +1,6 @@
 """JSON decoded and encoded at once, as fast as objects can be made."""
 
-import gc
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import msgspec
@@ -11,6 +8,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array
+from teamslam.io.files.garbage import uncollected
 
 
 def decoded(text: str) -> Any:
@@ -39,19 +37,6 @@ def finite(numbers: Array) -> list[Any]:
     if not np.isfinite(numbers).all():
         raise InputError("JSON has no word for numbers that are not finite, and some values or covariances are not")
     return list(numbers.tolist())
-
-
-@contextmanager
-def uncollected() -> Iterator[None]:
-    """Leaves garbage where it is while many small objects are made that form no cycles: to look through them again and
-    again takes five times as long as to make them."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
 
 
 def _no_constant(word: str) -> float:

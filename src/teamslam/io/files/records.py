@@ -13,6 +13,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.io.files.delimited import read_text
+from teamslam.io.files.garbage import uncollected
 from teamslam.io.files.grid import decoded
 
 LONGEST_WORD = 60  # shown in a message
@@ -152,15 +153,16 @@ def read_records(path: Path) -> list[Records]:
         if beginning.startswith(start):
             raise InputError(problem, path=path)
     found: dict[str, tuple[list[int], list[list[str]]]] = {}
-    for number, row in enumerate(text.split("\n"), 1):
-        words = row.split("#", 1)[0].split() if "#" in row else row.split()
-        if words:
-            tag = words.pop(0)
-            if tag not in found:
-                found[tag] = ([], [])
-            lines, rest = found[tag]
-            lines.append(number)
-            rest.append(words)
+    with uncollected():
+        for number, row in enumerate(text.split("\n"), 1):
+            words = row.split("#", 1)[0].split() if "#" in row else row.split()
+            if words:
+                tag = words.pop(0)
+                if tag not in found:
+                    found[tag] = ([], [])
+                lines, rest = found[tag]
+                lines.append(number)
+                rest.append(words)
     return [Records(path, tag, np.array(lines, np.int64), rest) for tag, (lines, rest) in found.items()]
 
 

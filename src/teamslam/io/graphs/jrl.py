@@ -23,9 +23,9 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.io.files.garbage import uncollected
 from teamslam.io.files.json_column import JsonColumn
 from teamslam.io.files.json_place import Json, read_json
-from teamslam.io.files.json_text import uncollected
 from teamslam.io.files.options import options_of
 from teamslam.io.graphs.edges import Edges, matching, robots_of, tables_of, values_of, whitened
 from teamslam.io.graphs.jrl_factors import FACTORS, Factor

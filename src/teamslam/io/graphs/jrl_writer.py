@@ -8,7 +8,8 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array
-from teamslam.io.files.json_text import encoded, finite, uncollected
+from teamslam.io.files.garbage import uncollected
+from teamslam.io.files.json_text import encoded, finite
 from teamslam.io.files.text import write_text
 from teamslam.io.graphs.edges import matching
 from teamslam.io.graphs.information import covariance_of_whitening, has_covariance

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Array, IntArray, Pose
+from teamslam.io.files.garbage import uncollected
 from teamslam.io.files.json_place import Json, read_json
-from teamslam.io.files.json_text import encoded, uncollected
+from teamslam.io.files.json_text import encoded
 from teamslam.io.files.text import write_text
 from teamslam.io.graphs.jrl_keys import keys_of, of_landmarks
 from teamslam.io.graphs.jrl_values import by_kind, last_of_each, poses_or_points
