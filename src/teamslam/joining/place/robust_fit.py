@@ -85,6 +85,10 @@ def link(cluster: Outline, chain: Outline, planar: bool) -> Link:
     """The best frame of a chain in a cluster's, by all that they share. Law: a shared pose free of noise, or enough
     shared points, give the frame exactly, also beside fewer wrong ones."""
     keys, mine, theirs = np.intersect1d(cluster.keys, chain.keys, assume_unique=True, return_indices=True)
+    # What a map knows only to more than numbers hold ties nothing.
+    known = np.isfinite(chain.variances[theirs] + cluster.variances[mine])
+    known &= np.isfinite(chain.places[theirs] + cluster.places[mine]).all(1)
+    keys, mine, theirs = keys[known], mine[known], theirs[known]
     dim = 2 if planar else 3
     if not len(keys):
         return Link(Pose.identity(dim), 0.0, keys, np.zeros(0), False)
