@@ -10,7 +10,7 @@ A misfit is one of three things: the cost is more than GROSS times what is expec
 stated, on the whole); so large are those of half the rows of some sensor of a robot, though a robust loss may forgive
 them one by one; or a mistake in the log was found (see `causes`).
 What a join's own approximation adds to the cost is never held against the log; a map that is far off by it alone is
-`strained`.
+`strained`, and no causes are sought: residuals there tell of the join, and of no log.
 """
 
 from collections.abc import Sequence
@@ -128,16 +128,17 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     cost, expected = float(total.cost[0]), float(total.expected[0])
     low, high = (float(end[0]) for end in total.band)
     decrease = min(sum(part.decrease for part in parts), max(cost - expected, 0.0))
-    causes = mistakes_in(dataset, joined, parts)
+    far = _far(cost, decrease, expected, (low, high))
+    causes = [] if far else mistakes_in(dataset, joined, parts)
     lost = {int(robot) for out in joined.left_out for robot in robot_of(out.keys) if robot > 0}
     told = {robot for cause in causes for robot in cause.robots}
     of_lost = mistakes_of_robots(dataset, lost - told)
     in_map = any(not lost.issuperset(cause.robots) for cause in causes)
-    level = "misfit" if in_map or refused(rows) else _level(cost - decrease, expected, (low, high))
+    level = "misfit" if in_map or (refused(rows) and not far) else _level(cost - decrease, expected, (low, high))
     poor = level in ("strained", "misfit")
-    if not poor and _level(cost, expected, (low, high)) == "misfit":
+    if far:
         level = "strained"  # the map is, by its join, though its measurements may agree
-    if poor and not causes:
+    elif poor and not causes:
         causes = noise_causes(noise, rows, max(cost - decrease - expected, 1.0), names)
     return Verdict(
         level=level,
@@ -158,8 +159,12 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
 
 def far_by_its_join(found: Verdict) -> bool:
     """Whether a map's measurements agree with each other, and yet it is far from where they would have it."""
-    fits = _level(found.cost - found.decrease, found.expected, found.band) not in ("strained", "misfit")
-    return found.level == "strained" and fits
+    return found.level == "strained" and _far(found.cost, found.decrease, found.expected, found.band)
+
+
+def _far(cost: float, decrease: float, expected: float, band: tuple[float, float]) -> bool:
+    fits = _level(cost - decrease, expected, band) in ("fits", "loose")
+    return fits and _level(cost, expected, band) == "misfit"
 
 
 def _level(cost: float, expected: float, band: tuple[float, float]) -> str:

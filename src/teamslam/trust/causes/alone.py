@@ -89,7 +89,11 @@ def mistake_of(log: Dataset, robot: int, left: float = LEFT) -> Found | None:
     tried = [(mistake, Trial(mistake.mend(as_it_is.log))) for mistake in suspected]
     good = [(mistake, trial) for mistake, trial in tried if trial.ratio < POORLY]
     found = likeliest(as_it_is, as_it_is.expected, good)
-    return found if found is not None and found.explains > EXPLAINED else None
+    if found is None:
+        return None
+    left = next(trial.bulk for mistake, trial in good if mistake is found.alternatives[0])
+    excess = as_it_is.bulk - as_it_is.expected
+    return found if not np.isfinite(excess) or as_it_is.bulk - left > EXPLAINED * excess else None
 
 
 def suspects(looks: Looks, left: float = LEFT) -> list[Mistake]:
@@ -187,11 +191,11 @@ def likeliest(as_it_is: Trial, due: float, tried: Sequence[tuple[Mistake, Trial]
     best, trial = min(tried, key=lambda t: (rank[id(t[0])], t[0].changes), default=(None, None))
     if best is None or trial is None or not np.isfinite(rank[id(best)]) or trial.cost < COLLAPSED * due:
         return None
-    sure = SURE * max(trial.ratio, 1.0)  # noise that is larger than stated decides as much less
+    sure = SURE * trial.loudness  # noise that is larger than stated decides as much less
     most = rank[id(best)] + sure
     if as_it_is.unlikely(extent) < most:
         return None
-    near = [m for m, _ in tried if rank[id(m)] < rank[id(best)] + LIKE * max(trial.ratio, 1.0)]
+    near = [m for m, _ in tried if rank[id(m)] < rank[id(best)] + LIKE * trial.loudness]
     least = min(m.changes for m in near)
     each = {m.key: m for m in near if m.changes == least}
     order = sorted(each.values(), key=lambda m: (m.source, m.kind, m.looks))

@@ -3,9 +3,9 @@
     in sightings of robots    the slips of their tables, by one robot or by all
     in a whole robot          all its lengths in another unit, all it sees and does mirrored, its clock behind
 
-A stretch of the team's log is solved with and without each, at most MOST_TRIED of them; none where the residuals at the
-map leave no room for a mistake. Sightings of robots are first looked at from where the landmarks alone put the robots,
-where they do: there nothing is bent by the sightings in question.
+A stretch of the team's log is solved with and without each, at most TRIED_A_ROBOT for each robot; none where the
+residuals at the map leave no room for a mistake. Sightings of robots are first looked at from where the landmarks alone
+put the robots, where they do: there nothing is bent by the sightings in question.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -36,7 +36,7 @@ from teamslam.trust.tally import whole
 TRIED, TRIED_BLINDLY = 2, 5  # slips of one sensor
 LIKELY = ("sign", "direction", "degrees", "unit", "axes")  # what is tried first, where nothing says more
 MOST_ROBOTS = 3  # that are suspected one by one
-MOST_TRIED = 20  # mistakes, of a round
+TRIED_A_ROBOT, MOST_TRIED = 5, 20  # mistakes, of a round: for each robot of the stretch, and in all
 ROUNDS = 2  # mistakes that are sought, one after the other
 GAIN = 0.3  # of the excess, that each must take away
 EXCESS = 50.0  # of cost, between robots: what is less needs no explanation
@@ -57,10 +57,11 @@ def mistakes_between(stretch: Dataset, order: Sequence[int]) -> list[Found]:
     team = _Team.of(Trial.of(stretch))
     if not np.isfinite(team.due):
         return []  # a robot that contradicts itself, for no reason known
+    most = min(TRIED_A_ROBOT * len(team.alone), MOST_TRIED)
     for _ in range(ROUNDS):
         if not team.disagrees:
             return found
-        tried = list(islice(_tried(team, list(order)[:MOST_ROBOTS]), MOST_TRIED))
+        tried = list(islice(_tried(team, list(order)[:MOST_ROBOTS]), most))
         best = likeliest(team.trial, team.due, tried)
         if best is None or best.explains < GAIN:
             return []

@@ -10,16 +10,19 @@ from teamslam.trust.noise import ONE_IN_1000, Noise
 from teamslam.trust.residuals import Rows
 
 TOO_SMALL = 1.5  # times: a sigma that is worth a word
+BENT = 3.0  # times: residuals so large that are no noise, which bend the map and the residuals of all others with it
 MANY = 0.02  # of a sensor's rows: outliers that are
 WORTH = 0.1  # of the excess, that must be explained
 
 
 def noise_causes(noise: Sequence[Noise], rows: Sequence[Rows], excess: float, names: Names) -> list[Cause]:
-    """The sigmas and outliers that explain most of what a map costs too much: a sentence for each kind of sensor."""
+    """The sigmas and outliers that explain most of what a map costs too much: a sentence for each kind of sensor.
+    No sigma is named where residuals keep their sign: there the map is wrong, and not what is said of noise."""
     found: list[Cause] = []
+    bent = any(n.scale > BENT and not n.is_noise for n in noise)
     for source in dict.fromkeys(n.source for n in noise):
         here = [n for n in noise if n.source == source]
-        small = [(n, _gone(n, rows, n.scale)) for n in here if n.scale > TOO_SMALL]
+        small = [(n, _gone(n, rows, n.scale)) for n in here if n.scale > TOO_SMALL and n.is_noise and not bent]
         wild = [(n, _gone(n, rows, None)) for n in here if n.outliers > MANY]
         if small:
             found.append(_sigma(source, small, excess, names))

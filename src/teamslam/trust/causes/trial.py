@@ -34,7 +34,7 @@ MOST_PIECES = 3  # of each robot
 FEWEST = 5  # rows of a sensor that is judged by itself
 TWICE = 2.0
 TINY = 1e-12
-LOST = 9.0  # of each number that has no place in the map
+LOST = 9.0  # of each number that has no place in the map, and at most of each in `bulk`
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +123,16 @@ class Trial:
         rows = sum(table.dof for optimum in self.optima for table in optimum.tables)
         return sum(optimum.cost for optimum in self.optima) + LOST * (self.log.dof - rows)
 
+    @cached_property
+    def bulk(self) -> float:
+        """The cost, but that no row counts for more than one without a place does: a few outliers far off, which cost
+        as much with every mistake as without, do not hide that all others fit."""
+        if not self.optima:
+            return FAILED
+        tables = [(table, optimum.values) for optimum in self.optima for table in optimum.tables]
+        costs = [np.minimum(t.loss.cost(np.sum(t.whitened(v) ** 2, -1)), LOST * t.ranks).sum() for t, v in tables]
+        return float(sum(costs)) + LOST * (self.log.dof - sum(table.dof for table, _ in tables))
+
     @property
     def extent(self) -> float:
         """Of the largest map [m]; 0 where there is none."""
@@ -145,13 +155,18 @@ class Trial:
         return max(cost - taken * self.log.layout.dof / max(self.log.dof, 1), 1.0)
 
     @cached_property
+    def loudness(self) -> float:
+        """How many times as large as stated the noise is, squared, outliers counted in full; 1 at least."""
+        return max(self.cost / self.expected, self.ratio, 1.0)
+
+    @cached_property
     def ratio(self) -> float:
-        """Cost over expected cost, in all or of the worst sensor: of one sensor by the median of its squared residuals,
-        which few outliers do not move, over twice what that should be."""
+        """Cost over expected cost, in all (but for outliers, see `bulk`) or of the worst sensor: of one sensor by the
+        median of its squared residuals, which few outliers do not move, over twice what that should be."""
         if not self.optima:
             return FAILED
         medians = [float(np.median(s)) for s in self._by_sensor().values() if len(s) >= FEWEST]
-        return max([self.cost / self.expected, *(m / TWICE for m in medians)])
+        return max([self.bulk / self.expected, *(m / TWICE for m in medians)])
 
     def _by_sensor(self) -> dict[tuple[int, str, int], Array]:
         """The squared residuals of each robot's rows of each source, of each robot that they see by itself, over what
