@@ -105,7 +105,10 @@ def run(
         costs = [part.cost for part in judged.parts] or [cost_of(c.map, log.tables) for c in joined.components]
         clock.start("covariances")
     clock.start("score")
-    scores = scores_of(joined, covariances, dataset.truth)
+    try:
+        scores = scores_of(joined, covariances, dataset.truth)
+    except SolveError as error:  # a map that has no covariances
+        raise explained(error, log) from None
     return Result(config, dataset, submaps, joined, covariances, tuple(costs), judged, scores, clock.stop())
 
 

@@ -21,6 +21,21 @@ def test_no_mistake_is_called_another(seed: int) -> None:
         assert outcome(plant, causes) != "false", (plant.mistake, plant.robots, plant.world, causes)
 
 
+def test_outliers_far_off_do_not_hide_a_mistake() -> None:
+    """Odometry in feet, of all robots, beside sightings some of which are hundreds of sigmas off: with the mistake
+    undone a stretch still costs many times what it should, by these alone."""
+    plant = draw(204)
+    assert plant is not None and plant.mistake == "feet odometry"
+    assert outcome(plant, said_by_run(plant.log)) == "right"
+
+
+def test_no_sigma_is_named_where_the_map_is_wrong() -> None:
+    """Odometry in centimetres beside bearings bends the map: what it leaves keeps its sign, and is no noise."""
+    plant = draw(205)
+    assert plant is not None and plant.mistake == "centimetres odometry"
+    assert not [cause.sentence for cause in said_by_run(plant.log) if cause.kind == "sigma"]
+
+
 @pytest.mark.parametrize("seed", INNOCENT)
 def test_nobody_is_accused_for_nothing(seed: int) -> None:
     """Whatever the world, the senses and the loss."""

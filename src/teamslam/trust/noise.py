@@ -26,6 +26,7 @@ LEFT = 0.3  # of the variance: where a map follows a part more closely, what is 
 FEWEST_PAIRS = 10  # of one thing seen twice running, to speak of signs
 KEPT = 0.65  # of the signs, at most, of what is noise
 
+
 @dataclass(frozen=True)
 class Noise:
     """One part of one sensor of one robot: residuals are `scale` times as large as stated; `outliers`, a share of all

@@ -84,14 +84,19 @@ def test_bearings_of_the_wrong_sign_or_in_degrees(robots: tuple[int, ...]) -> No
 
 @pytest.mark.parametrize("fault", [faults.degrees, faults.longer(1000.0)], ids=["degrees", "millimetres"])
 def test_a_log_that_can_hardly_be_solved_says_what_it_looks_like(fault: faults.Fault) -> None:
-    """The map is refused with the cause; an error says the cause first, and advises nothing that would not help."""
+    """The map is refused with the cause; an error says the cause first, and advises nothing that would not help. Which
+    of both it is, rounding decides: a map of such a log may lack covariances."""
     log = faults.plant(world("lidar"), fault, source="landmarks")
     looks = r"all robots, sightings of landmarks: (angles|lengths) are in"
     said = str(explained(SolveError(f"a submap did not converge.{CURE}"), log))
     assert re.match(f"the log looks like this: {looks}", said)
     assert "As it is: a submap did not converge." in said and CURE not in said
-    found = run(log).verdict
-    assert found.gross and [cause for cause in found.causes if re.match(looks, cause.sentence)]
+    try:
+        found = run(log).verdict
+    except SolveError as error:
+        assert re.match(f"the log looks like this: {looks}", str(error))
+    else:
+        assert found.gross and [cause for cause in found.causes if re.match(looks, cause.sentence)]
 
 
 @pytest.mark.parametrize("steps", [1, -1])
