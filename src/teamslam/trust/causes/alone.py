@@ -30,7 +30,7 @@ SUSPECT = 1.3  # times the expected cost: a stretch that costs less needs no exp
 FITS = 2.0  # times the expected cost: what costs more between robots is not explained
 POORLY = 3.0  # and in a log that fits poorly anyway, of which the looks speak plainly
 COLLAPSED = 0.1  # times the expected cost: a stretch that costs less was shrunk to nothing, which explains nothing
-EXPLAINED = 0.8  # of a stretch's excess, at least
+EXPLAINED = 0.8  # of a stretch's excess, at least: of all, or of that but for outliers far off
 LEAST = 0.05  # of a usual step between poses: a clock that is off by less is not worth a word
 SURE = 16.0  # of -2 log likelihood: four sigmas between the best mistake and none
 LIKE = 40.0  # of it: what is told with the best, as noise is not quite what is stated
@@ -84,16 +84,15 @@ def mistake_of(log: Dataset, robot: int, left: float = LEFT) -> Found | None:
     if stretch is None:
         return None
     as_it_is = Trial.of(stretch)
-    if as_it_is.ratio < SUSPECT:
+    if as_it_is.loudness < SUSPECT:
         return None
     tried = [(mistake, Trial(mistake.mend(as_it_is.log))) for mistake in suspected]
     good = [(mistake, trial) for mistake, trial in tried if trial.ratio < POORLY]
     found = likeliest(as_it_is, as_it_is.expected, good)
-    if found is None:
-        return None
+    if found is None or found.explains > EXPLAINED:
+        return found
     left = next(trial.bulk for mistake, trial in good if mistake is found.alternatives[0])
-    excess = as_it_is.bulk - as_it_is.expected
-    return found if not np.isfinite(excess) or as_it_is.bulk - left > EXPLAINED * excess else None
+    return found if as_it_is.bulk - left > EXPLAINED * (as_it_is.bulk - as_it_is.expected) > 0.0 else None
 
 
 def suspects(looks: Looks, left: float = LEFT) -> list[Mistake]:
