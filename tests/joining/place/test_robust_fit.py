@@ -1,7 +1,6 @@
 """The frame that shared things give: what is known to no finite sigma counts for nothing."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,8 +25,7 @@ def seen(places: np.ndarray, variances: np.ndarray) -> Outline:
     )
 
 
-@pytest.mark.parametrize("unknown", [np.inf, np.nan])
-@given(generators, st.integers(1, 3))
+@given(generators, st.integers(1, 3), st.sampled_from([np.inf, np.nan]))
 def test_what_is_not_known_ties_nothing(rng: np.random.Generator, lost: int, unknown: float) -> None:
     """The link is that of the others; where there are no others it holds nothing."""
     places = np.pad(rng.uniform(-9.0, 9.0, (4, 2)), ((0, 0), (0, 1)))
