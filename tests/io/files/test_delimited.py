@@ -191,6 +191,8 @@ def columns_told(read: Callable[[Path, Sequence[str]], Any], file: Path) -> Any:
 @example("1 2\n3\n4 5 6\n")
 @example("1 2 3 4 5 6\n")
 @example("1 2 3\x1c\n")
+@example("1 2 3\x01\n")
+@example("1 2\x0e3\n")
 @example("1 2 3\n\x004 5 6")
 def test_columns_read_the_same_at_once_and_line_by_line(file: Path, text: str) -> None:
     write(file, text)

@@ -20,6 +20,7 @@ Bytes = npt.NDArray[np.uint8]
 
 _NUMBERS = msgspec.json.Decoder(list[float])
 _BLANK, _COMMA, _NEWLINE, _ZERO = b" ,\n0"
+_NO_BLANKS = bytes([*range(0x09), *range(0x0E, 0x1C)])  # below a blank, and yet no white space
 LONGEST_WORD = 64
 LONGEST_CELL = 1000
 
@@ -118,6 +119,8 @@ def between_blanks(text: bytes, columns: int) -> tuple[Grid, IntArray] | None:
     from 0, of each row (m,). None where it is none."""
     letters = np.frombuffer(text, np.uint8)
     blank = letters <= _BLANK
+    if len(text.translate(None, _NO_BLANKS)) < len(text):
+        return None
     ends = np.flatnonzero(~blank[:-1] & blank[1:]) + 1
     if not len(ends) or len(ends) % columns or letters[-1] != _NEWLINE:
         return None
