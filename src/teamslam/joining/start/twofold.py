@@ -14,6 +14,7 @@ from teamslam.model import Kind, Table, Values, is_landmark, point_kind, pose_ki
 
 RULED_OUT = 16.0  # of cost: four sigmas; a place that costs more is not mentioned
 PLAUSIBLE = 25.0  # of cost for each sighting: poses that give way make more of it than this only if they bend far
+SETTLED = 5  # refinements, each of a few steps: along a valley two proposals of one place are long apart
 NONE = np.zeros(0, np.int64)
 NEAR = 9.0  # of cost: a place within three sigmas of another is the same
 
@@ -55,9 +56,9 @@ def twofold(values: Values, tables: Sequence[Table]) -> list[Twofold]:
 def _of_kind(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind) -> Twofold:
     here = values.positions(keys, kind.dim)
     bundle = Bundle.of(marks, values, keys, kind.dim)
-    places, costs, information = bundle.refined(
-        np.concatenate([here[None], bundle.on_either_side(here), bundle.proposals()])
-    )
+    places = np.concatenate([here[None], bundle.on_either_side(here), bundle.proposals()])
+    for _ in range(SETTLED):
+        places, costs, information = bundle.refined(places)
     offsets = places - places[0]
     far = np.einsum("kni,nij,knj->kn", offsets, information[0], offsets) > NEAR
     more = np.where(far, costs - costs[0], np.inf)
