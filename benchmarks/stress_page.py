@@ -78,9 +78,10 @@ may not: a misfit, another way to put it together, a solve that stopped.
 """
 
 
-KNOWN = '''"""KNOWN: logs of the suite that are known to fail, each with what fails. Written by `stress.py --known`."""
-# ruff: noqa: E501
+LONGEST = 120  # letters in a line of the project's own code
 
+KNOWN = '''"""KNOWN: logs of the suite that are known to fail, each with what fails. Written by `stress.py --known`."""
+{long}
 KNOWN: dict[tuple[str, int], tuple[str, ...]] = {{
 {lines}}}
 '''
@@ -92,7 +93,9 @@ def write_known(path: Path, failures: Mapping[tuple[str, int], Sequence[str]]) -
     for log, kinds in failures.items():
         told = "".join(f"        {json.dumps(kind, ensure_ascii=False)},\n" for kind in kinds)
         lines.append(f'    ("{log[0]}", {log[1]}): (\n{told}    ),\n')
-    path.write_text(KNOWN.format(lines="".join(lines)), encoding="utf-8")
+    text = "".join(lines)
+    long = "# ruff: noqa: E501\n" if any(len(line) > LONGEST for line in text.splitlines()) else ""
+    path.write_text(KNOWN.format(lines=text, long=long), encoding="utf-8")
 
 
 def write(path: Path, small: Sequence[Row], middle: Sequence[Row], real: Sequence[Row], machine: str) -> None:

@@ -10,8 +10,8 @@ from teamslam.geometry import Array
 from teamslam.model import Submap, Table, Values, is_landmark, point_kind
 
 TWO = re.compile(r"ambiguous: (.+) is at \((.+)\) or at \((.+)\), for (?:no|at most (\S+)) more of cost: .+", re.DOTALL)
-ABOVE = re.compile(
-    r"(.+): ranges from robots of a plane leave open whether this is above or below it; above is assumed"
+SIDE = re.compile(
+    r"(.+): ranges from robots of a plane leave open on which side of it, and the map says (above|below)", re.DOTALL
 )
 OTHERS = re.compile(r"ambiguous in the same way: (.+)")
 
@@ -21,9 +21,10 @@ def fits_there(remark: str, maps: Sequence[Submap], tables: Sequence[Table]) -> 
     if match := TWO.fullmatch(remark):
         there = np.array([float(number) for number in match[3].split(",")])
         return any(_costs(whole, match[1], there, tables) <= float(match[4] or 0.0) * 1.1 + 0.1 for whole in maps)
-    if match := ABOVE.fullmatch(remark):
+    if match := SIDE.fullmatch(remark):
         names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
-        return any(all(_mirrored(whole, name, tables) for name in names) for whole in maps)
+        side = 1.0 if match[2] == "above" else -1.0
+        return any(all(_mirrored(whole, name, side, tables) for name in names) for whole in maps)
     if match := OTHERS.fullmatch(remark):
         names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
         return any(all(_key(whole, name) is not None for name in names) for whole in maps)
@@ -52,9 +53,10 @@ def _costs(whole: Submap, name: str, there: Array, tables: Sequence[Table]) -> f
     return float(near.fun - best.fun) if np.linalg.norm(near.x - best.x) > 1e-3 else np.inf
 
 
-def _mirrored(whole: Submap, name: str, tables: Sequence[Table]) -> bool:
+def _mirrored(whole: Submap, name: str, side: float, tables: Sequence[Table]) -> bool:
+    """Whether a landmark is on one side of the robots' plane, and costs the same on the other."""
     key = _key(whole, name)
     if key is None:
         return False
     here = whole.values.positions(np.array([key]), 3)[0]
-    return _costs(whole, name, here * [1.0, 1.0, -1.0], tables) <= 0.1
+    return side * here[2] >= 0.0 and _costs(whole, name, here * [1.0, 1.0, -1.0], tables) <= 0.1

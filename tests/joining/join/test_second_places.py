@@ -54,6 +54,10 @@ def test_what_is_above_a_plane_or_below_it_is_said_once() -> None:
     joined = accounted(log, join([build(piece) for piece in split(log)]))
     (sentence,) = joined.remarks
     assert sentence.startswith("landmark 0, landmark 1: ranges from robots of a plane leave open")
+    assert (
+        sentence.endswith("the map says above")
+        and (joined.map.values.positions(landmark_key(np.arange(2)), 3)[:, 2] > 0).all()
+    )
 
 
 def test_a_drive_round_what_it_sees_says_nothing() -> None:

@@ -24,11 +24,10 @@ from teamslam.joining.join.interiors import Member, members_of
 from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, place
 from teamslam.joining.place.reasons import Held
+from teamslam.joining.start.twofold import RULED_OUT
 from teamslam.model import Kind, LeftOut, Submap
 from teamslam.solver import Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
-
-RULED_OUT = 16.0  # of cost: four sigmas; an assembly that costs more is not mentioned
 
 
 @dataclass(frozen=True)
@@ -186,8 +185,8 @@ def _optima(
 
 def _from_halves(members: Sequence[Member], options: Options, progress: Callable[[Step], None] | None) -> list[Optimum]:
     """The optimum from where the submaps lie once each half of them is a map: what a long chain of them has lost is
-    found along its parts before these are laid end to end. None where the halves make no one map. Each level joins
-    every submap once more, and twice: there are log2 of their number."""
+    found along its parts before these are laid end to end. None where the halves make no one map. At most log2 of their
+    number of levels, each of which joins every submap twice more: with its half, and that with the other."""
     submaps, middle = [member.joined for member in members], len(members) // 2
     try:
         halves = [_joined(half, options, None, by_halves=True) for half in (submaps[:middle], submaps[middle:])]

@@ -12,7 +12,7 @@ from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.start.triangulate import SAME, Bundle
 from teamslam.model import Kind, Table, Values, is_landmark, point_kind, pose_kind
 
-RULED_OUT = 16.0  # of cost: four sigmas; a place that costs more is not mentioned
+RULED_OUT = 16.0  # of cost: four sigmas; a place, or an assembly of a team, that costs more is not mentioned
 PLAUSIBLE = 25.0  # of cost for each sighting: poses that give way make more of it than this only if they bend far
 SETTLED = 5  # refinements, each of a few steps: along a valley two proposals of one place are long apart
 NONE = np.zeros(0, np.int64)
@@ -48,9 +48,8 @@ def twofold(values: Values, tables: Sequence[Table]) -> list[Twofold]:
     marks = [t.select(np.asarray(values.layout.contains(t.keys).all(1))) for t in marks]
     ranged = np.unique(np.concatenate([NONE, *(t.keys[:, -1] for t in marks if t.model == "range")]))
     kinds = values.layout.kinds[values.layout.index(ranged)]
-    return [
-        _of_kind(values, marks, ranged[kinds == kind], Kind(kind)) for kind in np.unique(kinds).tolist() if kind > 1
-    ]
+    points = [kind for kind in map(Kind, np.unique(kinds).tolist()) if not kind.is_pose]
+    return [_of_kind(values, marks, ranged[kinds == kind], kind) for kind in points]
 
 
 def _of_kind(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind) -> Twofold:
