@@ -43,11 +43,11 @@ def build(
     """
     from teamslam.cli.console import complain, progress_bar, say
     from teamslam.cli.pieces import pieces_in
-    from teamslam.cli.words import counted
     from teamslam.errors import InputError, SolveError
     from teamslam.io import write_submaps
     from teamslam.joining import build as build_submap
     from teamslam.results import refuse_to_overwrite, whole_folder
+    from teamslam.results.words import counted
 
     refuse_to_overwrite(out, replace=None)
     if version < 0:

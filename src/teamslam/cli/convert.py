@@ -75,8 +75,8 @@ def _kind(input: Path, format: str | None) -> str:
 
 def _log(input: Path, output: Path, to: str | None, format: str | None) -> "tuple[Dropped, ...]":
     from teamslam.cli.console import say
-    from teamslam.cli.words import counted
     from teamslam.io import read, write
+    from teamslam.results.words import counted
 
     dataset = read(input, format=format)
     left_out = write(dataset, output, to)
@@ -134,8 +134,8 @@ def _is_of_submaps(output: Path, to: str | None) -> bool:
 
 def _write_submaps(submaps: "Sequence[Submap]", output: Path, to: str | None) -> "tuple[Dropped, ...]":
     from teamslam.cli.console import say
-    from teamslam.cli.words import counted
     from teamslam.io import write_submaps
+    from teamslam.results.words import counted
 
     left_out = write_submaps(submaps, output, to or "teamslam")
     say(f"written: {output}: {counted(len(submaps), 'submap')}")
@@ -144,9 +144,9 @@ def _write_submaps(submaps: "Sequence[Submap]", output: Path, to: str | None) ->
 
 def _write_maps(maps: "Sequence[MapEstimate]", output: Path, to: str | None) -> "tuple[Dropped, ...]":
     from teamslam.cli.console import say
-    from teamslam.cli.words import counted
     from teamslam.io import write_maps
     from teamslam.model import is_pose
+    from teamslam.results.words import counted
 
     left_out = write_maps(maps, output, to)
     for number, found in enumerate(maps, 1):

@@ -46,10 +46,10 @@ def demo(
     """
     from teamslam.cli.codes import DONE, code_of
     from teamslam.cli.console import progress_bar, say, table
-    from teamslam.cli.words import comparison
     from teamslam.pipeline import run
     from teamslam.results import made_folder, write_run
     from teamslam.results.figures import save
+    from teamslam.results.words import comparison
 
     made_folder(out)
     code, drawn, every = DONE, {}, []
@@ -73,7 +73,7 @@ def demo(
 
 def what_went_in(report: "Mapping[str, Any]") -> str:
     """How large a team is."""
-    from teamslam.cli.words import counted
+    from teamslam.results.words import counted
 
     return counted(report["robots"], "robot", report["poses"], "pose", report["landmarks"], "landmark")
 

@@ -29,10 +29,10 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     """
     from teamslam.cli.codes import DONE, PARTLY
     from teamslam.cli.console import pairs, say, table
-    from teamslam.cli.words import counted
     from teamslam.errors import in_words
     from teamslam.inspection import inspect
     from teamslam.io import read
+    from teamslam.results.words import counted
 
     dataset = read(input, format=format)
     found, names = inspect(dataset), dataset.names

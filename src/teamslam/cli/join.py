@@ -86,11 +86,11 @@ def join(
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.parts import parts_beside, workers_for
     from teamslam.cli.sources import truth_in
-    from teamslam.cli.words import counted, outcome
     from teamslam.config import Config
     from teamslam.errors import InputError
     from teamslam.results import drawing, refuse_to_overwrite, write_record
     from teamslam.results.folder import OURS
+    from teamslam.results.words import counted, outcome
     from teamslam.team import admit
     from teamslam.wire.pieces import piece_files
 

@@ -83,12 +83,12 @@ def run(
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.options import config_for
     from teamslam.cli.parts import parts_beside, workers_for
-    from teamslam.cli.words import outcome
     from teamslam.io import read
     from teamslam.pipeline import refuse_workers
     from teamslam.pipeline import run as run_pipeline
     from teamslam.results import Record, drawing, refuse_to_overwrite, write_record
     from teamslam.results.folder import OURS
+    from teamslam.results.words import outcome
     from teamslam.viz.style import METHOD_NAMES
 
     refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[input])

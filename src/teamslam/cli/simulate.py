@@ -82,9 +82,9 @@ def simulate(
     from shlex import quote
 
     from teamslam.cli.console import say
-    from teamslam.cli.words import counted
     from teamslam.errors import InputError
     from teamslam.io import write
+    from teamslam.results.words import counted
     from teamslam.sim import PRESETS
     from teamslam.sim import simulate as simulate_team
 

@@ -42,8 +42,8 @@ def split(
     """
     from teamslam.cli.console import say
     from teamslam.cli.pieces import pieces_of
-    from teamslam.cli.words import counted
     from teamslam.results import refuse_to_overwrite, whole_folder
+    from teamslam.results.words import counted
     from teamslam.wire.pieces import write_pieces
 
     refuse_to_overwrite(out, replace=None)

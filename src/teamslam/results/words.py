@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from teamslam.results import Record
+    from teamslam.results.record import Record
 
 Report = Mapping[str, Any]
 Rows = list[tuple[str, str]]
