@@ -3,7 +3,7 @@
     python benchmarks/planted.py --count 200                       simulated logs with a mistake each
     python benchmarks/planted.py --count 200 --innocent            ... and without one
     python benchmarks/planted.py --real MRCLAM_Dataset6 MRCLAM_Dataset7          every mistake in published logs
-    python benchmarks/planted.py --count 200 --info                what `teamslam info` says, before anything is solved
+    python benchmarks/planted.py --count 200 --info                what `teamslam info` says, before a map is made
     python benchmarks/planted.py --seed 12                         what is said of one
 
 What is planted is in tests/planted.py.

@@ -144,17 +144,20 @@ def tell(verdict: Verdict) -> None:
 
 def rows_so_far(path: Path | None) -> list[Row]:
     """What a campaign counted before it was cut off: a line a log."""
-    if path is None or not path.exists():
-        return []
+    return rows_of(path) if path is not None and path.exists() else []
+
+
+def rows_of(path: Path) -> list[Row]:
+    """What a campaign counted: a line a log."""
     return [Row(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def campaign(seeds: Sequence[int], kind: Kind, drive: str | None, workers: int, path: Path | None = None) -> list[Row]:
     """All seeds, told by kind of failure at the end; at `path` each as soon as it is known."""
-    rows = [row for row in rows_so_far(path) if row.seed in seeds]
+    rows = [row for row in rows_so_far(path) if row.seed in seeds and drive in (None, row.drive)]
     left = sorted(set(seeds) - {row.seed for row in rows})
     with ProcessPoolExecutor(workers) as pool, path.open("a", encoding="utf-8") if path else nullcontext() as file:
-        for row in pool.map(row_of, left, [kind] * len(left), [drive] * len(left), chunksize=1):
+        for row in pool.map(row_of, left, [kind] * len(left), [drive] * len(left)):
             rows.append(row)
             if file is not None:
                 print(json.dumps(asdict(row)), file=file, flush=True)
@@ -209,7 +212,7 @@ def main() -> int:
     given = parser.parse_args()
     kind = Kind(given.middle, bool(given.real), given.real if given.real in LOGS else None)
     if given.page:
-        counted = [[asdict(row) for row in rows_so_far(path)] for path in given.page[1:]]
+        counted = [[asdict(row) for row in rows_of(path)] for path in given.page[1:]]
         stress_page.write(given.page[0], *counted, f"{platform.machine()}, {os.cpu_count()} cores")
         return 0
     if given.known:

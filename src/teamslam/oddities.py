@@ -1,4 +1,4 @@
-"""Oddities of a log that look like slips of the hand, told in words before anything is solved.
+"""Oddities of a log that look like slips of the hand, told in words before a map is made.
 
 names      landmarks `1` and `1.0`, which are one number and two landmarks
 twice      rows that stand in two logs of a robot, or numbers of one robot in another's log

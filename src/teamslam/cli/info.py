@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def info(input: Path, /, *, format: str | None = None) -> int:
-    """Say what a log holds and what is wrong with it, without solving anything.
+    """Say what a log holds and what is wrong with it, without making the map.
 
     Rows for each robot and sensor, what was dropped and why, what connects the robots, what is likely to go wrong.
 

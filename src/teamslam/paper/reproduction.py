@@ -240,8 +240,10 @@ def _examples(problems: dict[str, PaperOptions], seeds: Sequence[int]) -> tuple[
                 examples[name] = example(options, seed)
                 break
             except SolveError as error:
-                missing[name] = str(error)
-    return examples, {f"Figure 4, {name}": why for name, why in missing.items() if name not in examples}
+                why = str(error)
+        else:
+            missing[f"Figure 4, {name}"] = why
+    return examples, missing
 
 
 def _errors(submap: Submap, truth: Values) -> _Errors:

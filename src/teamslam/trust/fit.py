@@ -22,7 +22,7 @@ import numpy as np
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap, Joined
 from teamslam.joining.build.build import CURE
-from teamslam.model import Dataset, Names, chi2_quantile, robot_of
+from teamslam.model import Dataset, Names, robot_of
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.noise import noise_causes
@@ -179,7 +179,7 @@ def refused(rows: Sequence[Rows]) -> list[tuple[int, str, str]]:
     """The sensors (robot, source, model) of which half of the rows are three times as far off as stated, or farther."""
     found = []
     for kind, group in groupby(sorted(rows, key=kind_of), kind_of):
-        off = np.concatenate([r.squared / chi2_quantile(0.5, np.maximum(r.numbers, 1)) for r in group])
+        off = np.concatenate([r.typical for r in group])
         if len(off) >= FEWEST and np.median(off) > GROSS:
             found.append(kind)
     return found

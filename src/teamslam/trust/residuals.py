@@ -18,13 +18,18 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.joining import AtMap, Cost
-from teamslam.model import Table, Values, is_pose, robot_of
+from teamslam.model import Table, Values, chi2_quantile, is_pose, robot_of
 from teamslam.solver import System
 from teamslam.trust.expected import expected_cost
 
 MOST_DRAWS, LEAST_DRAWS = 32, 4
 NUMBERS_DRAWN = 200_000  # by all draws together, about: enough for a per cent of any sum that matters
 STEP = 1e-4  # of a draw: far above the rounding of residuals, far below where they bend
+
+
+def beside_median(squared: Array, ranks: IntArray) -> Array:
+    """Squared residuals (m,) of rows of so many numbers (m,), over what their median should be."""
+    return np.asarray(squared / chi2_quantile(0.5, np.maximum(ranks, 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,11 @@ class Rows:
     def squared(self) -> Array:
         """s = |u|^2 (m,)."""
         return np.asarray(np.sum(self.whitened**2, -1))
+
+    @cached_property
+    def typical(self) -> Array:
+        """s over what its median should be (m,)."""
+        return beside_median(self.squared, self.numbers)
 
     @cached_property
     def cost(self) -> Array:

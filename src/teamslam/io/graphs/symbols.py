@@ -27,10 +27,6 @@ class Alphabet:
     robots: str
     landmark: str
 
-    def robot(self, letter: str) -> int | None:
-        """The number of the robot with this letter; None where it is no robot's."""
-        return self.robots.index(letter) + 1 if letter and letter in self.robots else None
-
     def letter(self, robot: int) -> str | None:
         """The letter of a robot's number; None where the alphabet ends before."""
         return self.robots[robot - 1] if 1 <= robot <= len(self.robots) else None

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from teamslam.model import Dataset, Table
-from teamslam.trust.causes.clocks import earlier, offset, taken_earlier, usual_step
+from teamslam.trust.causes.clocks import LEAST, earlier, offset, taken_earlier, usual_step
 from teamslam.trust.causes.looks import Looks, off, unlikely
 from teamslam.trust.causes.pairs import Closing
 from teamslam.trust.causes.slips import slips, without, written
@@ -27,11 +27,9 @@ TRIED = 6  # mistakes, the likeliest
 LIKELY = 0.3  # of the gain of the likeliest, that another has which is tried
 LEFT = 0.85  # of how far triangles are off, without a mistake that is tried
 SUSPECT = 1.3  # times the expected cost: a stretch that costs less needs no explanation
-FITS = 2.0  # times the expected cost: what costs more between robots is not explained
 POORLY = 3.0  # and in a log that fits poorly anyway, of which the looks speak plainly
 COLLAPSED = 0.1  # times the expected cost: a stretch that costs less was shrunk to nothing, which explains nothing
 EXPLAINED = 0.8  # of a stretch's excess, at least: of all, or of that but for outliers far off
-LEAST = 0.05  # of a usual step between poses: a clock that is off by less is not worth a word
 SURE = 16.0  # of -2 log likelihood: four sigmas between the best mistake and none
 LIKE = 40.0  # of it: what is told with the best, as noise is not quite what is stated
 
@@ -91,8 +89,8 @@ def mistake_of(log: Dataset, robot: int, left: float = LEFT) -> Found | None:
     found = likeliest(as_it_is, as_it_is.expected, good)
     if found is None or found.explains > EXPLAINED:
         return found
-    left = next(trial.bulk for mistake, trial in good if mistake is found.alternatives[0])
-    return found if as_it_is.bulk - left > EXPLAINED * (as_it_is.bulk - as_it_is.expected) > 0.0 else None
+    rest = next(trial.bulk for mistake, trial in good if mistake is found.alternatives[0])
+    return found if as_it_is.bulk - rest > EXPLAINED * (as_it_is.bulk - as_it_is.expected) > 0.0 else None
 
 
 def suspects(looks: Looks, left: float = LEFT) -> list[Mistake]:

@@ -3,9 +3,9 @@
     in sightings of robots    the slips of their tables, by one robot or by all
     in a whole robot          all its lengths in another unit, all it sees and does mirrored, its clock behind
 
-A stretch of the team's log is solved with and without each, at most TRIED_A_ROBOT for each robot; none where the
-residuals at the map leave no room for a mistake. Sightings of robots are first looked at from where the landmarks alone
-put the robots, where they do: there nothing is bent by the sightings in question.
+A stretch of the team's log is solved with and without each, in a round at most TRIED_A_ROBOT for each robot; none where
+the residuals at the map leave no room for a mistake. Sightings of robots are first looked at from where the landmarks
+alone put the robots, where they do: there nothing is bent by the sightings in question.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,16 +16,15 @@ from itertools import islice, zip_longest
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import Dataset, Table, Values, chi2_quantile, index_of, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Table, Values, is_landmark, is_pose, robot_of
 from teamslam.trust.causes.alone import (
-    FITS,
     Found,
     Mistake,
     likeliest,
     names_of_slips,
     slip_of,
 )
-from teamslam.trust.causes.clocks import at_other_times, least_bad
+from teamslam.trust.causes.clocks import LEAST, at_other_times, least_bad, usual_step
 from teamslam.trust.causes.looks import own
 from teamslam.trust.causes.retime import with_clock_ahead
 from teamslam.trust.causes.slips import MIRRORED, TOO, UNITS, without, written
@@ -39,9 +38,9 @@ MOST_ROBOTS = 3  # that are suspected one by one
 TRIED_A_ROBOT, MOST_TRIED = 5, 20  # mistakes, of a round: for each robot of the stretch, and in all
 ROUNDS = 2  # mistakes that are sought, one after the other
 GAIN = 0.3  # of the excess, that each must take away
+FITS = 2.0  # times the expected cost: what costs more between robots is not explained
 EXCESS = 50.0  # of cost, between robots: what is less needs no explanation
 SHOWS = 5.0  # times what is due, that a whole robot mirrored, or in another unit, costs at least
-LEAST = 0.05  # of a usual step: a clock that is off by less is not worth a word
 FEWEST_SHARED = 4  # landmarks of two maps that tell of their shapes
 NEAR_UNIT = 0.4  # of log f: how near a unit that must be; feet are 1.2 from metres
 MIRROR = 0.5  # of the squared distances that are left, in a mirror
@@ -99,7 +98,7 @@ def may_disagree(rows: Sequence[Rows]) -> bool:
     links = [r for r in rows if r.table.observes_robots]
     if links and bool(whole(links).high[0]) and float(whole(links).excess[0]) > EXCESS:
         return True
-    halves = [float(np.median(r.squared / chi2_quantile(0.5, np.maximum(r.numbers, 1)))) for r in rows if len(r)]
+    halves = [float(np.median(r.typical)) for r in rows if len(r)]
     return max(halves, default=0.0) > HALF_OFF
 
 
@@ -206,8 +205,7 @@ def _everywhere(log: Dataset, robot: int, name: str) -> Dataset:
 def _of_clock(log: Dataset, blind: Values | None, robot: int) -> Iterator[Mistake]:
     """A robot's clock ahead of the others' or behind: by what fits best where the landmarks put the robots; where these
     put them in no one map, by whole steps and halves."""
-    chain = index_of(log.pose_keys[robot])
-    usual = float(np.median(np.diff(chain))) if len(chain) > 1 else 1.0
+    usual = usual_step(log.pose_keys[robot])
     tried = [sign * share * usual for share in OFFSETS for sign in (1.0, -1.0)]
     if blind is not None:
         tried = [least_bad(tried, lambda ticks: _cost_of_links(log, blind, robot, ticks))]

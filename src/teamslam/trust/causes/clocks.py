@@ -14,6 +14,7 @@ from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.start.dead_reckoning import dead_reckoning
 from teamslam.model import Dataset, Kind, Table, Values, index_of, is_pose, pack, robot_of
 
+LEAST = 0.05  # of a usual step between poses: a clock that is off by less is not worth a word
 STEPS = (0.125, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Offsets to try first, in usual steps between poses."""
 REFINEMENTS = 12

@@ -98,9 +98,6 @@ class Closing:
     off: Array
     unlikely: Array
 
-    def __len__(self) -> int:
-        return len(self.off)
-
 
 def closing(table: Table, pairs: Pairs, way: Way) -> Closing:
     """How each triangle closes."""

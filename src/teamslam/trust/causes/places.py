@@ -14,11 +14,11 @@ import numpy as np
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, BoolArray
 from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Dataset, Names, Submap, Table, Values, chi2_quantile, index_of, landmark_key
+from teamslam.model import Dataset, Names, Submap, Table, Values, index_of, landmark_key
 from teamslam.model.keys import MAX_INDEX
 from teamslam.solver import Options, System, optimise
 from teamslam.trust.cause import Cause
-from teamslam.trust.residuals import Rows
+from teamslam.trust.residuals import Rows, beside_median
 from teamslam.trust.tally import by_landmark
 
 SUSPECT, EXCESS = 3.0, 50.0  # times the expected cost, and how much above it, from which a landmark is looked at
@@ -171,8 +171,7 @@ def _apart(split: Split, values: Values, tables: Sequence[Table]) -> bool:
 def _sizes(tables: Sequence[Table], values: Values) -> Array:
     """Squared residuals over what their median should be."""
     held = [table for table in tables if len(table)]
-    squared = [np.sum(t.whitened(values) ** 2, -1) / chi2_quantile(0.5, np.maximum(t.ranks, 1)) for t in held]
-    return np.concatenate(squared)
+    return np.concatenate([beside_median(np.sum(t.whitened(values) ** 2, -1), t.ranks) for t in held])
 
 
 # --- telling ----------------------------------------------------------------------------------------------------------

@@ -20,8 +20,8 @@ from teamslam.errors import TeamslamError
 from teamslam.joining import Joined
 from teamslam.model import Dataset
 from teamslam.trust.cause import Cause, rows_called
-from teamslam.trust.causes.alone import FITS, SURE, Found, Mistake, mistake_of
-from teamslam.trust.causes.between import may_disagree, mistakes_between
+from teamslam.trust.causes.alone import SURE, Found, Mistake, mistake_of
+from teamslam.trust.causes.between import FITS, may_disagree, mistakes_between
 from teamslam.trust.causes.places import two_places
 from teamslam.trust.causes.stretches import busiest
 from teamslam.trust.causes.trial import Trial

@@ -13,13 +13,14 @@ from itertools import groupby
 
 import numpy as np
 
-from teamslam.model import Dataset, Table, Values, chi2_quantile
+from teamslam.model import Dataset, Table, Values
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.alone import LIKE, SURE, Found, Mistake, mistake_of, names_of_slips, slip_of
 from teamslam.trust.causes.between import cost_at, unlikely_at, without_links
 from teamslam.trust.causes.search import agreed, in_words
 from teamslam.trust.causes.stretches import busiest
 from teamslam.trust.causes.trial import Trial
+from teamslam.trust.residuals import beside_median
 
 PLAIN = 0.6  # of how far triangles are off, that is left without a mistake
 BAD = 9.0  # of the median squared residual of sightings of robots, where landmarks put these
@@ -75,6 +76,6 @@ def _best(links: Dataset, robot: int, before: float, blind: Values) -> Iterator[
 def _typical(tables: Sequence[Table], values: Values) -> float:
     """The median squared residual, over what it should be, of rows whose poses are known; 0 of too few."""
     known = [table.select(table.told_by(values.layout)) for table in tables]
-    sizes = [np.sum(t.whitened(values) ** 2, -1) / chi2_quantile(0.5, np.maximum(t.ranks, 1)) for t in known]
+    sizes = [beside_median(np.sum(t.whitened(values) ** 2, -1), t.ranks) for t in known]
     found = np.concatenate([np.zeros(0), *sizes])
     return float(np.median(found)) if len(found) >= FEWEST else 0.0

@@ -23,9 +23,10 @@ from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, IntArray
 from teamslam.joining import AtMap, build, join, split
 from teamslam.joining.exact.gap import frame_of
-from teamslam.model import Dataset, Loss, Table, Values, chi2_quantile, robot_of
+from teamslam.model import Dataset, Loss, Table, Values, robot_of
 from teamslam.solver import Options, System, optimise
 from teamslam.trust.expected import expected_cost
+from teamslam.trust.residuals import beside_median
 
 ROBUST = Loss("huber", 3.0)
 QUICK = Options(max_iterations=25, decrement=0.05)
@@ -177,7 +178,6 @@ class Trial:
                 seen = np.maximum(robot_of(table.keys[:, -1]), 0)
                 for who in np.unique(seen).tolist():
                     rows = table.select(seen == who)
-                    usual = chi2_quantile(0.5, np.maximum(rows.ranks, 1))
-                    size = np.sum(rows.whitened(optimum.values) ** 2, -1) / usual
+                    size = beside_median(np.sum(rows.whitened(optimum.values) ** 2, -1), rows.ranks)
                     found.setdefault((table.robot, table.source, who), []).append(size)
         return {sensor: np.concatenate(sizes) for sensor, sizes in found.items()}
