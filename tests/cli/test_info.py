@@ -1,5 +1,6 @@
 """`info` says what a log holds, and its exit code whether the robots look joinable."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -29,3 +30,16 @@ def test_a_team_that_cannot_be_joined_ends_with_code_1_and_the_cure(teamslam, tm
     assert called.code == 1
     assert "robot 3 cannot be joined to robots 1 and 2: nothing in common" in called.out
     assert "2 groups of robots" in called.out
+
+
+def test_a_recording_is_listed_and_gets_a_team_file(teamslam, data) -> None:
+    """A stereo pair with odometry: three topics of 4,500 messages at 20 Hz, and a team file that TOML can read."""
+    called = teamslam("info", data("tagslam_dupont") / "test_11" / "tag_detections.bag")
+    assert called.code == 0
+    for words in ("13,500", "224.9 s", "/fla/vio/odom", "odometry", "20.0"):
+        assert words in called.out
+    team = tomllib.loads(called.out.partition("\n\n")[2].partition("A first team file")[2].partition("\n\n")[2])
+    (robot,) = team["robot"]
+    assert robot["odometry"] == "/fla/vio/odom"
+    assert [camera["tags"] for camera in robot["camera"]] == ["/fla/ovc_node/left/tags", "/fla/ovc_node/right/tags"]
+    assert [camera["name"] for camera in robot["camera"]] == ["left", "right"]

@@ -16,6 +16,7 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     ```
     teamslam info MRCLAM_Dataset6
     teamslam info my-team
+    teamslam info drive.bag                 # a recording of ROS: what is in it, and a first team file
     ```
 
     Exit codes: 0 the robots look joinable; 1 some do not; 2 bad input or usage.
@@ -23,7 +24,8 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     Parameters
     ----------
     input
-        A log: a folder or file in any format that `teamslam convert --help` lists.
+        A log: a folder or file in any format that `teamslam convert --help` lists; or a recording (ROS 1 bag, ROS 2
+        folder, .mcap, .db3).
     format
         The format of the input, where it cannot be told from its looks.
     """
@@ -32,8 +34,11 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     from teamslam.errors import in_words
     from teamslam.inspection import inspect
     from teamslam.io import read
+    from teamslam.io.bags import is_recording
     from teamslam.results.words import counted
 
+    if format is None and is_recording(input):
+        return _recording(input)
     dataset = read(input, format=format)
     found, names = inspect(dataset), dataset.names
     kinds = {2: "plane", 3: "space"}
@@ -67,6 +72,46 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     if len(found.groups) > 1:
         say(f"{len(found.groups)} groups of robots, as far as counting tells: expect as many maps")
     return DONE if len(found.groups) <= 1 else PARTLY
+
+
+def _recording(path: Path) -> int:
+    """What a recording holds, and the team file that it suggests."""
+    from teamslam.cli.codes import DONE, PARTLY
+    from teamslam.cli.console import pairs, say, table
+    from teamslam.io.bags import contents, proposal
+    from teamslam.results.words import counted
+
+    found = contents(path)
+    messages = sum(len(topic.stamps_s) for topic in found.topics)
+    pairs(
+        str(path),
+        [
+            ("messages", f"{messages:,}"),
+            ("time", f"{found.stop_s - found.start_s:.1f} s, from {found.start_s:.3f} s" if messages else "none"),
+            ("dropped", counted(sum(d.count for d in found.dropped), "message")),
+            *(("", f"{d.count}: {d.reason}") for d in found.dropped),
+        ],
+    )
+    rows = [
+        [
+            topic.name,
+            " and ".join(topic.types),
+            topic.role or "not used",
+            f"{len(topic.stamps_s):,}",
+            *([f"{topic.rate_hz:.2f}"] if topic.rate_hz == topic.rate_hz else ["-"]),
+            f"{len(topic.gaps_s)}, {topic.gaps_s.max():.2f} s" if len(topic.gaps_s) else "none",
+        ]
+        for topic in found.topics
+    ]
+    table("Topics", ["topic", "type", "used as", "messages", "rate [Hz]", "gaps, the longest"], rows, left=3)
+    for topic in found.topics:
+        if topic.steps_back:
+            say(f"! {topic.name}: {counted(topic.steps_back, 'stamp')} earlier than the one before")
+    if not any(found.of_role(role) for role in ("tags", "tag poses", "image")):
+        say("! neither tags nor images: nothing in it can be mapped")
+    else:
+        say(f"\nA first team file; check the lines that end in '# ?':\n\n{proposal(found)}")
+    return PARTLY if found.dropped else DONE
 
 
 def _measured(found: "Inspection", names: "Names") -> tuple[list[str], list[list[str]]]:

@@ -1,0 +1,104 @@
+"""What a recording holds: each topic with its type, how many messages, how often, and where they are missing.
+
+The rate is one over the median step between stamps. A gap is a step of more than GAP times the median; a step back is
+a stamp before the one recorded before it.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.geometry import Array
+from teamslam.io.bags.opened import Message, Recording, opened
+from teamslam.io.bags.roles import ROLES
+from teamslam.model import Dropped
+
+GAP = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class TopicContents:
+    """One topic: its name, types, role (see ROLES; '' for what teamslam does not use), and `stamps_s` (n,) as they
+    came. `frames` are the names in its headers: (parent, child), '' where there are none."""
+
+    name: str
+    types: tuple[str, ...]
+    role: str
+    stamps_s: Array
+    frames: tuple[str, str] = ("", "")
+
+    @property
+    def steps_s(self) -> Array:
+        """From each message to the next (n - 1,) [s]."""
+        return np.diff(self.stamps_s)
+
+    @property
+    def rate_hz(self) -> float:
+        """How often, usually; NaN for fewer than two messages."""
+        step = float(np.median(self.steps_s)) if len(self.stamps_s) > 1 else 0.0
+        return 1.0 / step if step > 0.0 else float("nan")
+
+    @property
+    def gaps_s(self) -> Array:
+        """The steps that are gaps [s]."""
+        return np.asarray(self.steps_s[self.steps_s * self.rate_hz > GAP])
+
+    @property
+    def steps_back(self) -> int:
+        """How many stamps are earlier than the one before."""
+        return int(np.count_nonzero(self.steps_s < 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """A recording looked over: its topics by name, and what could not be read."""
+
+    path: Path
+    topics: tuple[TopicContents, ...]
+    dropped: tuple[Dropped, ...]
+
+    @property
+    def start_s(self) -> float:
+        """The earliest stamp [s]; NaN for an empty recording."""
+        return min((float(t.stamps_s.min()) for t in self.topics if len(t.stamps_s)), default=float("nan"))
+
+    @property
+    def stop_s(self) -> float:
+        """The latest stamp [s]."""
+        return max((float(t.stamps_s.max()) for t in self.topics if len(t.stamps_s)), default=float("nan"))
+
+    def of_role(self, role: str) -> list[TopicContents]:
+        """The topics that are for one thing, those without a message left out."""
+        return [topic for topic in self.topics if topic.role == role and len(topic.stamps_s)]
+
+
+def contents(path: str | Path) -> Contents:
+    """Look a recording over; every message is read once and none is decoded but the first of a topic. Raises InputError
+    where it cannot be opened."""
+    with opened(path) as recording:
+        stamps: dict[str, list[int]] = {topic: [] for topic in recording.topics}
+        frames: dict[str, tuple[str, str]] = {}
+        for message in recording.messages(recording.topics):
+            stamps[message.topic].append(message.stamp_ns)
+            if message.topic not in frames:
+                frames[message.topic] = _frames(recording, message)
+        topics = tuple(
+            TopicContents(
+                name,
+                types,
+                ROLES.get(types[0], ""),
+                np.array(stamps[name], float) * 1e-9,
+                frames.get(name, ("", "")),
+            )
+            for name, (types, _) in sorted(recording.topics.items())
+        )
+        return Contents(recording.path, topics, recording.dropped)
+
+
+def _frames(recording: Recording, message: Message) -> tuple[str, str]:
+    """The names of frames in a message's header, where its type is one that teamslam uses."""
+    if ROLES.get(message.type, "transforms") in ("transforms", "image"):
+        return "", ""
+    found = recording.decode(message)
+    return str(getattr(getattr(found, "header", None), "frame_id", "")), str(getattr(found, "child_frame_id", ""))

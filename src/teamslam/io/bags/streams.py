@@ -1,0 +1,141 @@
+"""The messages of one topic as arrays: odometry and poses, transforms, corners of tags.
+
+Messages that say nothing usable (numbers that are not finite, a quaternion of length zero, a tag with no four corners)
+are counted as dropped by the recording.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.frontend.streams import TagCorners, Track
+from teamslam.geometry import Array, Pose
+from teamslam.io.bags.opened import Message, Recording
+from teamslam.io.bags.roles import ROLES
+
+HALF_PIXEL = {"apriltag_msgs/msg/AprilTagDetectionArray", "isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"}
+"""Types whose pixels have their centres at halves, as the AprilTag library counts them."""
+
+FARTHEST_M = 1e8  # from an origin: what is farther (or no number) is damage, not a place
+FARTHEST_PIXEL = 1e6
+
+
+def read_track(recording: Recording, topic: str) -> Track:
+    """Odometry or poses of one topic, in the order in which they were recorded. InputError where the topic holds
+    something else, or nothing."""
+    ticks, numbers, noises = [], [], []
+    parent = child = ""
+    for message, found in _decoded(recording, topic, ("odometry", "pose")):
+        parent = parent or found.header.frame_id
+        child = child or getattr(found, "child_frame_id", "")
+        seven, noise = _pose_of(found)
+        if not _is_pose(seven):
+            recording.lose(1, f"of {topic}: their position is no place, or their quaternion no rotation")
+            continue
+        ticks.append(message.tick)
+        numbers.append(seven)
+        noises.append(noise)
+    known = [noise for noise in noises if noise is not None]
+    return Track(
+        np.array(ticks, np.int64),
+        _poses(numbers),
+        parent,
+        child,
+        np.stack(known).reshape(-1, 6, 6) if known and len(known) == len(noises) else None,
+    )
+
+
+def read_transforms(recording: Recording, topics: tuple[str, ...] = ("/tf", "/tf_static")) -> list[Track]:
+    """Every transform that was broadcast, a track for each pair of frames."""
+    tracks: dict[tuple[str, str], tuple[list[int], list[list[float]]]] = {}
+    for topic in topics:
+        if topic not in recording.topics:
+            continue
+        for message, found in _decoded(recording, topic, ("transforms",)):
+            for one in found.transforms:
+                seven = _seven(one.transform.translation, one.transform.rotation)
+                if not _is_pose(seven):
+                    recording.lose(1, f"of {topic}: a transform's position is no place, or its quaternion no rotation")
+                    continue
+                stamp = one.header.stamp.sec * 10**6 + one.header.stamp.nanosec // 1000
+                pair = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
+                ticks, numbers = tracks.setdefault(pair, ([], []))
+                ticks.append(stamp or message.tick)
+                numbers.append(seven)
+    return [
+        Track(np.array(ticks, np.int64), _poses(numbers), parent, child)
+        for (parent, child), (ticks, numbers) in tracks.items()
+    ]
+
+
+def read_corners(recording: Recording, topic: str) -> TagCorners:
+    """The corners of tags that a detector found. InputError where the topic holds something else, or nothing."""
+    frames: list[int] = []
+    frame, ids, corners, hamming, families = [], [], [], [], []
+    for message, found in _decoded(recording, topic, ("tags",)):
+        shift = 0.5 if message.type in HALF_PIXEL else 0.0
+        for tag in found.detections if hasattr(found, "detections") else found.apriltags:
+            square = np.array([(corner.x, corner.y) for corner in tag.corners], float)
+            if square.shape != (4, 2) or not (np.abs(square) < FARTHEST_PIXEL).all():
+                recording.lose(1, f"of {topic}: a tag whose corners are not four points of an image")
+                continue
+            frame.append(len(frames))
+            ids.append(int(tag.id))
+            corners.append(square - shift)
+            hamming.append(int(getattr(tag, "hamming", 0)))
+            families.append(str(tag.family))
+        frames.append(message.tick)
+    return TagCorners(
+        np.array(frames, np.int64),
+        np.array(frame, np.int64),
+        np.array(ids, np.int64),
+        np.array(corners, float).reshape(-1, 4, 2),
+        np.array(hamming, np.int64),
+        tuple(families),
+    )
+
+
+def _decoded(recording: Recording, topic: str, roles: tuple[str, ...]) -> Iterator[tuple[Message, Any]]:
+    """The messages of a topic that is for one of some things, decoded."""
+    if topic not in recording.topics:
+        listing = ", ".join(sorted(recording.topics)) or "none"
+        raise InputError(f"there is no topic {topic}; this recording has {listing}", path=recording.path)
+    types, _ = recording.topics[topic]
+    for type in types:
+        if ROLES.get(type) not in roles:
+            wanted = ", ".join(name for name, role in ROLES.items() if role in roles)
+            raise InputError(f"{topic} holds {type}; expected one of {wanted}", path=recording.path)
+    for message in recording.messages([topic]):
+        if (found := recording.decode(message)) is not None:
+            yield message, found
+
+
+def _pose_of(found: Any) -> tuple[list[float], Array | None]:
+    """Position and quaternion (x, y, z, w) of a message with a pose, and its covariance where it has one."""
+    if hasattr(found, "transform"):
+        return _seven(found.transform.translation, found.transform.rotation), None
+    pose, noise = found.pose, None
+    if hasattr(pose, "covariance"):
+        pose, noise = pose.pose, np.asarray(pose.covariance, float)
+    return _seven(pose.position, pose.orientation), noise
+
+
+def _seven(place: Any, turn: Any) -> list[float]:
+    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+
+
+def _is_pose(seven: list[float]) -> bool:
+    """Whether numbers can be a pose: on Earth, with a quaternion of about unit length."""
+    *place, x, y, z, w = seven
+    return (
+        all(abs(number) < FARTHEST_M for number in place)
+        and all(abs(q) < 2.0 for q in (x, y, z, w))
+        and (0.25 < x * x + y * y + z * z + w * w < 4.0)
+    )
+
+
+def _poses(numbers: list[list[float]]) -> Pose:
+    table = np.array(numbers, float).reshape(-1, 7)
+    return Pose.from_quaternion(table[:, :3], table[:, [6, 3, 4, 5]])
