@@ -13,11 +13,14 @@ from teamslam.model import (
     Names,
     Table,
     Values,
+    is_landmark,
+    is_pose,
     landmark_key,
     pack,
     point_kind,
     pose_key,
     pose_kind,
+    robot_of,
     unpack,
 )
 
@@ -126,3 +129,16 @@ def _add(model: str, h: Array, noise: Array, dim: int) -> Array:
     if h.shape != noise.shape:
         raise ValueError(f"{model} in space needs noise on the sphere; use the simulator")
     return h + noise
+
+
+def apart() -> Dataset:
+    """Robots 1 and 2 share landmarks; robot 3 has landmarks of its own, and no robot sees it or is seen by it."""
+    whole = team("2d", robots=3, poses=12, landmarks=10, sees=1.0)
+
+    def wanted(table: Table) -> np.ndarray:
+        target = table.keys[:, 1]
+        meets = is_pose(target) & (robot_of(target) != table.robot)
+        other = is_landmark(target) & ((target >= 5) != (table.robot == 3))
+        return ~meets & ~other
+
+    return whole.with_tables(t.select(wanted(t)) for t in whole.tables)

@@ -136,7 +136,12 @@ def to_table(config: Config) -> dict[str, Any]:
 
 def write_config(config: Config, path: str | Path) -> None:
     """Save every option as it was used, defaults included, so that the run can be repeated."""
-    Path(path).write_text(tomli_w.dumps(to_table(config)), encoding="utf-8")
+    Path(path).write_text(config_text(config), encoding="utf-8")
+
+
+def config_text(config: Config) -> str:
+    """Every option as it was used, defaults included, in TOML."""
+    return tomli_w.dumps(to_table(config))
 
 
 def unknown_keys(table: Mapping[str, Any], record: type) -> Iterator[tuple[str, list[str]]]:

@@ -4,26 +4,11 @@ import csv
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from teamslam.cli import main
 from teamslam.io import write
-from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of
-from worlds import team
-
-
-def apart() -> Dataset:
-    """Robots 1 and 2 share landmarks; robot 3 has landmarks of its own, and no robot sees it or is seen by it."""
-    whole = team("2d", robots=3, poses=12, landmarks=10, sees=1.0)
-
-    def wanted(table: Table) -> np.ndarray:
-        target = table.keys[:, 1]
-        meets = is_pose(target) & (robot_of(target) != table.robot)
-        other = is_landmark(target) & ((target >= 5) != (table.robot == 3))
-        return ~meets & ~other
-
-    return whole.with_tables(t.select(wanted(t)) for t in whole.tables)
+from worlds import apart, team
 
 
 def test_what_cannot_be_joined_is_mapped_apart_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

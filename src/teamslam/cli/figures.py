@@ -1,4 +1,4 @@
-"""Figures come last: by then the map is written, and nothing that happens to them can lose it."""
+"""Figures and the page come last: by then the map is written, and nothing that happens to them can lose it."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -19,18 +19,18 @@ def coming(figures: bool, processes: bool) -> AbstractContextManager[None]:
 
 
 def drawn(figures: Callable[[Path], object], folder: Path, progress: "Progress") -> bool:
-    """Put the figures of a run (see `drawing`) into the `folder` it is written in; False, and a complaint, where that
-    fails."""
+    """Put the page and the figures of a run (see `drawing`) into the `folder` it is written in; False, and a
+    complaint, where that fails."""
     from teamslam.cli.console import complain
 
-    later = f"the map is whole in {folder}; `teamslam plot {folder}` draws its figures"
+    later = f"the map is whole in {folder}; `teamslam plot {folder}` draws its page and its figures"
     progress("drawing", 0, 0)
     try:
-        figures(folder / "figures")
+        figures(folder)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted while drawing; {later}") from None
     except Exception as error:
-        complain(f"the figures could not be drawn ({_said(error)}); {later}")
+        complain(f"the page and the figures could not be drawn ({_said(error)}); {later}")
         return False
     progress("drawing", 1, 1)
     return True

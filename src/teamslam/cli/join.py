@@ -75,7 +75,7 @@ def join(
     force
         Replace an earlier run in the output folder.
     figures
-        Draw figures.
+        Draw figures, and the page report.html.
     quiet
         Print nothing but errors.
     """
@@ -114,7 +114,7 @@ def join(
             with coming(figures, processes=crew is not None):
                 record = _joined(admitted, known, beside, crew, parts, maps, progress)
             progress("writing", 0, 0)
-            drawings = meanwhile.enter_context(drawing(record)) if figures else None
+            drawings = meanwhile.enter_context(drawing(record, Config())) if figures else None
             write_record(record, Config(), out)
             progress("writing", 1, 1)
         pictured = drawings is None or drawn(drawings, out, progress)
@@ -122,7 +122,7 @@ def join(
         left = f", {len(admitted.left_out)} left out by --without" if admitted.left_out else ""
         title = f"{counted(len(admitted.good), 'submap')} joined, {len(admitted.refused)} refused{left}"
         pairs(title, outcome(record.report))
-        say(f"written: {out}" + (f"; look at {out / 'figures' / 'map.png'} first" if figures and pictured else ""))
+        say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
     return max(code_of(record.report), DONE if pictured else PARTLY)
 
 

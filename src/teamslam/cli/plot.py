@@ -6,10 +6,10 @@ from teamslam.cli.numbers import MaybeWhole
 
 
 def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: MaybeWhole = None) -> int:
-    """Draw the figures of a run: map with ellipses and truth, convergence, errors over time, consistency.
+    """Draw the figures and the page of a run: map with ellipses and truth, convergence, errors, consistency, residuals.
 
     ```
-    teamslam plot first-map                          # into first-map/figures
+    teamslam plot first-map                          # into first-map/figures, and first-map/report.html
     teamslam plot first-map --out paper --type pdf   # for print
     ```
 
@@ -20,15 +20,17 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: Maybe
     run
         A folder that `teamslam run` wrote.
     out
-        Where to draw; by default the run's own folder of figures.
+        Where to draw; by default the run's own folder of figures, with the page report.html beside it.
     type
         png, pdf or svg.
     dpi
         Dots per inch of png files, 160 without it.
     """
     from teamslam.cli.console import say
+    from teamslam.config import read_config
     from teamslam.errors import InputError
     from teamslam.results import draw_record, read_run, with_residuals
+    from teamslam.results.page import PAGE, write_page
 
     if type not in ("png", "pdf", "svg"):
         raise InputError(f"unknown type of figure '{type}'; choose png, pdf or svg")
@@ -36,6 +38,10 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: Maybe
         raise InputError(f"--dpi is for png; a figure in {type} has no dots")
     if dpi is not None and not 20 <= dpi <= 1200:
         raise InputError(f"--dpi is a number from 20 to 1200, found {dpi}")
-    for file in draw_record(with_residuals(read_run(run), run), out or run / "figures", type=type, dpi=dpi):
+    record = with_residuals(read_run(run), run)
+    if out is None:
+        write_page(record, read_config(run / "config.toml"), run / PAGE)
+        say(f"written: {run / PAGE}")
+    for file in draw_record(record, out or run / "figures", type=type, dpi=dpi):
         say(f"written: {file}")
     return 0

@@ -72,7 +72,7 @@ def run(
     force
         Replace an earlier run in the output folder.
     figures
-        Draw figures.
+        Draw figures, and the page report.html.
     quiet
         Print nothing but errors.
     """
@@ -105,12 +105,12 @@ def run(
                 result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
             progress("writing", 0, 0)
             record = Record.of(result)
-            drawings = meanwhile.enter_context(drawing(record)) if figures else None
+            drawings = meanwhile.enter_context(drawing(record, options)) if figures else None
             refuse_to_overwrite(out, replace=force, ours=OURS)
             write_record(record, options, out)
             progress("writing", 1, 1)
         pictured = drawings is None or drawn(drawings, out, progress)
     if not quiet:
         pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
-        say(f"written: {out}" + (f"; look at {out / 'figures' / 'map.png'} first" if figures and pictured else ""))
+        say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
     return max(code_of(record.report), DONE if pictured else PARTLY)

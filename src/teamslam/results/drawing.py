@@ -1,4 +1,4 @@
-"""Figures drawn by a second process while this one writes: neither needs the other.
+"""Figures and the page drawn by a second process while this one writes: neither needs the other.
 
 The second process is a fork of this one, so that the record need not travel. Where there are no safe forks, and should
 the fork come to nothing (killed, out of memory), figures are drawn here when they are asked for.
@@ -14,8 +14,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from teamslam.config import Config
 from teamslam.io.files.whole import whole_file
 from teamslam.results.figures import figures_of, save
+from teamslam.results.page import PAGE, page_bytes, write_page
 from teamslam.results.record import Record
 from teamslam.results.whole import made_folder
 from teamslam.viz import saved
@@ -35,18 +37,26 @@ def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float |
     return files
 
 
+def draw_all(record: Record, config: Config, folder: Path) -> list[Path]:
+    """The figures and the page of a run, into its folder; returns the files."""
+    files = draw_record(record, folder / "figures")
+    write_page(record, config, folder / PAGE)
+    return [*files, folder / PAGE]
+
+
 @contextmanager
-def drawing(record: Record) -> Iterator[Callable[[Path], list[Path]]]:
-    """Draws the figures of a run beside what is done meanwhile. It gives a function that puts them into a folder, once
-    they are drawn, and returns the files, as `draw_record` does; what goes wrong with them is raised by that function.
+def drawing(record: Record, config: Config) -> Iterator[Callable[[Path], list[Path]]]:
+    """Draws the page and the figures of a run beside what is done meanwhile. It gives a function that puts them into
+    the run's folder, once they are drawn, and returns the files, as `draw_all` does; what goes wrong with them is
+    raised by that function.
     """
     if not FORKS:
-        yield lambda folder: draw_record(record, folder)
+        yield lambda folder: draw_all(record, config, folder)
         return
     from multiprocessing import get_context
 
     answer, theirs = get_context("fork").Pipe(duplex=False)
-    child = get_context("fork").Process(target=_draw, args=(record.with_covariances(), theirs), daemon=True)
+    child = get_context("fork").Process(target=_draw, args=(record.with_covariances(), config, theirs), daemon=True)
     child.start()
     theirs.close()
 
@@ -54,7 +64,7 @@ def drawing(record: Record) -> Iterator[Callable[[Path], list[Path]]]:
         try:
             drawn = answer.recv()
         except EOFError:
-            return draw_record(record, folder)
+            return draw_all(record, config, folder)
         if isinstance(drawn, Exception):
             raise drawn
         return _written(drawn, folder)
@@ -67,12 +77,13 @@ def drawing(record: Record) -> Iterator[Callable[[Path], list[Path]]]:
         child.join()
 
 
-def _draw(record: Record, answer: Connection) -> None:
+def _draw(record: Record, config: Config, answer: Connection) -> None:
     """What the second process does. It says nothing itself, and an interruption is its parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.freeze()  # what it inherits is not its to look through
     try:
-        answer.send({name: _png(figure) for name, figure in figures_of(record).items()})
+        figures = {f"figures/{name}.png": _png(figure) for name, figure in figures_of(record).items()}
+        answer.send(figures | {PAGE: page_bytes(record, config)})
     except BrokenPipeError:
         return
     except Exception as error:
@@ -89,9 +100,8 @@ def _png(figure: "Figure") -> bytes:
 
 
 def _written(drawn: dict[str, bytes], folder: Path) -> list[Path]:
-    files, folder = [], made_folder(folder)
-    for name, image in drawn.items():
-        files.append(folder / f"{name}.png")
-        with whole_file(files[-1]) as file:
-            file.write(image)
-    return files
+    made_folder(folder / "figures")
+    for name, content in drawn.items():
+        with whole_file(folder / name) as file:
+            file.write(content)
+    return [folder / name for name in drawn]

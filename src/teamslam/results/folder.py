@@ -7,6 +7,7 @@ What is in it:
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
     tum/               each robot's way, for evo and others
     figures/           the map with its ellipses and the truth, convergence, residuals, errors over time, consistency
+    report.html        all of it as one page: open it in a browser
     report.json        figures for scripts            config.toml     every option as used
     residuals.csv      what every row of the log leaves at the map (see `residuals`)
     history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
@@ -35,6 +36,7 @@ from teamslam.model import Layout, Submap, Values
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
 from teamslam.results.drawing import drawing
+from teamslam.results.page import PAGE
 from teamslam.results.record import Record
 from teamslam.results.residuals import read_residuals, write_residuals
 from teamslam.results.tables import (
@@ -49,7 +51,7 @@ from teamslam.solver import Covariances
 
 
 def write_run(result: Result, folder: str | Path, *, replace: bool = False, figures: bool = True) -> Record:
-    """Write a finished run and return what was kept. Figures come last, when all the rest is in its place.
+    """Write a finished run and return what was kept. The page and `figures` come last, when the rest is in its place.
 
     Raises InputError where the folder is there already and not empty, unless it is a run folder to `replace`; OSError
     names the file that cannot be written.
@@ -60,14 +62,14 @@ def write_run(result: Result, folder: str | Path, *, replace: bool = False, figu
     if not figures:
         write_record(record, result.config, folder)
         return record
-    with drawing(record) as drawn:
+    with drawing(record, result.config) as drawn:
         write_record(record, result.config, folder)
-        drawn(folder / "figures")
+        drawn(folder)
     return record
 
 
 def write_record(record: Record, config: Config, folder: Path) -> None:
-    """All files of a run but its figures, into a new folder or in place of what is there.
+    """All files of a run but its page and figures, into a new folder or in place of what is there.
 
     They are written side by side: much of it is packing and disk, which need no Python.
     """
@@ -190,5 +192,5 @@ FILES: dict[str, Callable[[Record, Path], object]] = {
     "tum": _write_tum,
     "report.json": _write_report,
 }
-OURS = (*FILES, "config.toml", "figures")
+OURS = (*FILES, "config.toml", "figures", PAGE)
 """What a run writes; nothing else is ever replaced."""

@@ -14,6 +14,7 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ class Residuals:
     weight: Array
     whitened: Array
 
-    @property
+    @cached_property
     def size(self) -> Array:
         """The length of each residual over the root of its numbers (m,): about 1 where the model is right."""
         return np.asarray(np.sqrt(np.mean(self.whitened**2, -1)))

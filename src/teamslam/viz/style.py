@@ -5,8 +5,8 @@ display is needed. The caller saves what a function returns.
 """
 
 import warnings
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
 from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeVar
 
@@ -93,7 +93,7 @@ def styled(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def inside(*args: P.args, **kwargs: P.kwargs) -> T:
-        with style():
+        with style(), boxes():
             return function(*args, **kwargs)
 
     return inside
@@ -106,14 +106,18 @@ def style() -> AbstractContextManager[None]:
     return matplotlib.rc_context(RC)
 
 
-def saved(figure: "Figure", file: BinaryIO, *, type: str = "png", dpi: float | None = None) -> None:
-    """Write a figure into an open file: png, pdf or svg, with `dpi` dots per inch or as many as the style has.
-
-    A letter that the font lacks is drawn as a box, without a word.
-    """
-    dots = RC["savefig.dpi"] if dpi is None else dpi
-    with style(), warnings.catch_warnings():
+@contextmanager
+def boxes() -> Iterator[None]:
+    """A letter that the font lacks is drawn as a box, without a word."""
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        yield
+
+
+def saved(figure: "Figure", file: BinaryIO, *, type: str = "png", dpi: float | None = None) -> None:
+    """Write a figure into an open file: png, pdf or svg, with `dpi` dots per inch or as many as the style has."""
+    dots = RC["savefig.dpi"] if dpi is None else dpi
+    with style(), boxes():
         if type != "png":
             figure.savefig(file, format=type, dpi=dots)
             return

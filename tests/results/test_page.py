@@ -1,0 +1,77 @@
+"""The page of a run holds what the run found, in every kind of world, and costs little however long the log."""
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+
+from teamslam.config import Config
+from teamslam.model import Submap
+from teamslam.results import Record
+from teamslam.results import page as pages
+from teamslam.results.page import page_bytes, page_of
+
+
+def drawn(record: Record) -> dict:
+    """What the page's script draws from."""
+    text = page_bytes(record, Config()).decode()
+    return json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])  # type: ignore[index]
+
+
+def floats(text: str) -> np.ndarray:
+    """Numbers of 32 bits."""
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+def test_what_is_drawn_is_the_map(record: Record) -> None:
+    """Ways, landmarks and their covariances are those of the map, each robot's at its own stamps."""
+    found, submap = drawn(record), record.maps[0]
+    part = found["parts"][0]
+    origin = np.array(part["origin"])
+    for way, robot in zip(part["ways"], submap.robots_in_it, strict=True):
+        assert found["robots"][way["robot"]] == submap.names.robot(robot)
+        keys = submap.trajectory_keys(robot)
+        np.testing.assert_allclose(floats(way["p"]).reshape(-1, 3) + origin, places(submap, keys), atol=1e-5)
+        stamps = submap.names.stamps_s(keys)
+        np.testing.assert_allclose(floats(way["t"]), stamps - stamps[0], atol=1e-4)
+    keys = submap.landmark_keys
+    np.testing.assert_allclose(floats(part["marks"]["p"]).reshape(-1, 3) + origin, places(submap, keys), atol=1e-5)
+    blocks = record.covariances[0].blocks(keys)
+    upper = floats(part["marks"]["c"]).reshape(-1, 6)
+    np.testing.assert_allclose(upper[:, [0, 1, 3]], [[b[0, 0], b[0, 1], b[1, 1]] for b in blocks], rtol=1e-5)
+
+
+def places(submap: Submap, keys: np.ndarray) -> np.ndarray:
+    """In space."""
+    return submap.all_values.positions(keys, 3)
+
+
+def test_every_sighting_is_drawn_from_its_pose_to_its_landmark(record: Record) -> None:
+    """As many rows as the log has, rising in time; targets are landmarks of the part or robots of the page."""
+    found = drawn(record)
+    assert sum(len(floats(rows["t"])) for rows in found["rows"]) == sum(len(r.row) for r in record.residuals)
+    for rows in found["rows"]:
+        to = np.frombuffer(base64.b64decode(rows["to"]), "<i4")
+        assert (np.diff(floats(rows["t"])) >= 0.0).all()
+        assert to.max() < len(found["parts"][rows["part"]]["marks"]["names"]) and to.min() >= -len(found["robots"])
+        assert (rows["source"] == "landmarks") == bool((to >= 0).all())
+
+
+def test_long_logs_are_thinned_and_it_says_so(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With room for fewer poses and rows than there are, no more are drawn, and the page counts them."""
+    monkeypatch.setattr(pages, "MOST_POSES", 12)
+    monkeypatch.setattr("teamslam.results.page_rows.MOST_ROWS", 1)
+    page = page_of(record, Config())
+    ways = page.parts[0].ways
+    assert sum(len(way.stamps) for way in ways) <= 12 + 3 * len(ways) < sum(way.all for way in ways)
+    assert len(page.thinned) == 2 and "poses" in page.thinned[0] and "rows" in page.thinned[1]
+
+
+def test_a_run_read_back_draws_the_same_map(record: Record) -> None:
+    """A record without residuals, as `read_run` gives it, still has a page: without sightings and residuals."""
+    from dataclasses import replace
+
+    bare = drawn(replace(record, residuals=()))
+    assert bare["rows"] == [] and bare["parts"] == drawn(record)["parts"]
