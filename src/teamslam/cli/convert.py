@@ -20,6 +20,7 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     teamslam convert RUN map.g2o                 # vertices, and an edge from the frame to each
     teamslam convert RUN map.jrr                 # GTSAM's values as JSON robot results
     teamslam convert RUN way.tum                 # a file a robot
+    teamslam convert RUN map.rrd                 # a scene for rerun; map.mcap for Foxglove
     teamslam convert local-maps more --to linear
     ```
 
@@ -35,8 +36,8 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     islsjf   Victoria Park's clean log, runs of I-SLSJF       (read only)
     ```
 
-    Of maps (of a run, or of a file that holds one): csv, g2o, jrr, tum. Of submaps: teamslam, linear, and islsjf (read
-    only).
+    Of maps (of a run, or of a file that holds one): csv, g2o, jrr, tum, rrd, foxglove. Of submaps: teamslam, linear
+    and islsjf (read only).
 
     Exit codes: 0 done; 2 bad input or usage.
 

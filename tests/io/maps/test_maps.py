@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from damage import damaged_text, survives
+from estimates import estimate
 from logs import assert_same_values
 from strategies import dims, generators, random_poses
 from teamslam.errors import InputError, ModelError
@@ -18,33 +19,8 @@ from teamslam.geometry import Pose
 from teamslam.io import MAP_FORMATS, MapEstimate, formats_of, read, read_maps, write_maps
 from teamslam.io.maps import jrr, table
 from teamslam.io.maps.star import as_log
-from teamslam.model import WORLD, Kind, Names, Values, landmark_key, pack, point_kind, pose_key, pose_kind
+from teamslam.model import WORLD, Kind, Names, Values, pack, pose_key, pose_kind
 from teamslam.solver import Covariances, System, optimise
-
-
-def estimate(
-    rng: np.random.Generator, dim: int, *, world: bool = False, robots: int = 2, mixed: bool = False, ticks: bool = True
-) -> MapEstimate:
-    """A map of some robots and landmarks; the base is the first pose, at the identity."""
-    indices = np.sort(rng.choice(10**9 if ticks else 1000, 3, replace=False)) + 1
-    keys = np.concatenate([pose_key(robot, indices) for robot in range(1, robots + 1)])
-    marks = np.sort(rng.choice(10**6, 3, replace=False))
-    poses, depth = random_poses(rng, dim, len(keys)), 3 if mixed else dim
-    if not world:
-        start = poses[0]
-        poses = start.inverse() @ poses
-        poses = Pose(np.concatenate([np.eye(dim)[None], poses.rotation[1:]]), np.vstack([0 * poses.translation[:1],
-                     poses.translation[1:]]))  # fmt: skip
-    values = Values.of(
-        {pose_kind(dim): (keys, poses), point_kind(depth): (landmark_key(marks), rng.normal(size=(3, depth)))}
-    )
-    base = WORLD if world else int(keys[0])
-    blocks = []
-    for key, dof in zip(values.layout.keys.tolist(), values.layout.dofs.tolist(), strict=True):
-        root = rng.normal(size=(dof, dof)) + 3 * np.eye(dof)
-        blocks.append(0.01 * root @ root.T * (key != base))
-    names = Names({1: "Ada, the 1st", 2: "b"}, {int(marks[0]): "door"}, 1e-6 if ticks else 1.0)
-    return MapEstimate(values, tuple(blocks), base, names)
 
 
 def assert_same(found: MapEstimate, expected: MapEstimate, *, covariances: bool) -> None:
@@ -246,6 +222,6 @@ def test_nothing_but_a_map_or_an_error_comes_out(tmp_path_factory: pytest.TempPa
 
 
 def test_every_format_of_maps_is_tested() -> None:
-    assert set(MAP_FORMATS) == {"g2o", "jrr", "tum", "csv"}
+    assert set(MAP_FORMATS) == {"g2o", "jrr", "tum", "csv", "rrd", "foxglove"}
     assert {name for name, row in MAP_FORMATS.items() if row.reads} == {"jrr", "csv"}
     assert csv and pack
