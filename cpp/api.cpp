@@ -14,6 +14,7 @@
 #include "checks.hpp"
 #include "cholesky.hpp"
 #include "condensation.hpp"
+#include "normal_equations.hpp"
 #include "problem.hpp"
 #include "sparse_rows.hpp"
 
@@ -211,6 +212,18 @@ int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const dou
 
 int32_t teamslam_set_homes(teamslam_problem* problem, const int64_t* home) {
   return guarded<int32_t>(-1, [&] { return problem->problem.retraction().set_homes(home), 0; });
+}
+
+int32_t teamslam_normal_equations(int64_t variables, const int32_t* kinds, int32_t model, int32_t dimension,
+                                  int64_t rows, const int64_t* index, const double* z, const double* whitening,
+                                  int32_t shared_whitening, const double* sensor, int32_t loss, double scale,
+                                  const double* state, double* H, double* g, double* cost) {
+  return guarded<int32_t>(-1, [&] {
+    const teamslam::TableInput input{static_cast<teamslam::Model>(model), dimension, rows, index, z, whitening,
+                                     shared_whitening != 0, sensor, static_cast<teamslam::Loss>(loss), scale};
+    *cost = teamslam::normal_equations(variables, kinds, input, state, H, g);
+    return 0;
+  });
 }
 
 int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[5]) {

@@ -70,6 +70,13 @@ TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t hand
 /* home: the variable that carries each one when it is retracted, or -1 (retraction.hpp). */
 TEAMSLAM_API int32_t teamslam_set_homes(teamslam_problem* problem, const int64_t* home);
 
+/* One table alone, linearised once (normal_equations.hpp): H (n x n, both triangles) and g (n) over all unknowns. */
+TEAMSLAM_API int32_t teamslam_normal_equations(int64_t variables, const int32_t* kinds, int32_t model, int32_t dimension,
+                                               int64_t rows, const int64_t* index, const double* z,
+                                               const double* whitening, int32_t shared_whitening, const double* sensor,
+                                               int32_t loss, double scale, const double* state, double* H, double* g,
+                                               double* cost);
+
 /* Fixes the structure. sizes: free variables, blocks, values of H, unknowns, numbers of the linear system. */
 TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[5]);
 TEAMSLAM_API void teamslam_pattern(const teamslam_problem* problem, int32_t* dof, int64_t* column_start, int32_t* row);

@@ -17,6 +17,7 @@ from teamslam.kernel.analysis import POSITIONS_HELP_FROM, Analysis
 from teamslam.kernel.condensation import Condensation
 from teamslam.kernel.factor import Factor, NotPositiveDefinite, Statistics
 from teamslam.kernel.library import set_threads, threads
+from teamslam.kernel.normal_equations import normal_equations
 from teamslam.kernel.pattern import BlockPattern
 from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, Problem
 
@@ -32,6 +33,7 @@ __all__ = [
     "NotPositiveDefinite",
     "Problem",
     "Statistics",
+    "normal_equations",
     "set_threads",
     "threads",
 ]

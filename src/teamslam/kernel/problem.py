@@ -73,33 +73,9 @@ class Problem:
         rows; `sensor` is the sensor's pose in the observer's body, T then R row by row (6 or 12). `loss` is a name of
         LOSSES and `scale` its scale in standard deviations.
         """
-        which = _place(model, MODELS, "model") if isinstance(model, str) else int(model)
-        if not 0 <= which < len(MODELS):
-            raise ModelError(f"model: found {which}, expected 0 to {len(MODELS) - 1}")
-        if dimension not in (2, 3):
-            raise ModelError(f"dimension: found {dimension}, expected 2 or 3")
-        name = MODELS[which]
-        keys, numbers, r = _model_shape(which, dimension)
-        pairs = integers(f"{name} index", index, (None, keys))
-        m = len(pairs)
-        measured = floats(f"{name} z", z, (m, numbers))
-        white = floats(f"{name} whitening", whitening, (m, r, r), (1, r, r))
-        mount = None if sensor is None else floats(f"{name} sensor", sensor, ((6,), (12,))[dimension - 2])
-        handle = checked(
-            library.add_table(
-                self._pointer,
-                which,
-                dimension,
-                m,
-                pairs,
-                measured,
-                white,
-                len(white) == 1,
-                mount,
-                _place(loss, LOSSES, "loss"),
-                float(scale),
-            )
-        )
+        given = table_arguments(model, dimension, index, z, whitening, sensor, loss, scale)
+        handle = checked(library.add_table(self._pointer, *given))
+        m, r = given[2], _model_shape(given[0], dimension)[2]
         self._tables[handle] = (m, r)
         return handle
 
@@ -364,6 +340,33 @@ def _model_shape(model: int, dimension: int) -> tuple[int, int, int]:
     shape = np.empty(3, np.int32)
     library.model_shape(model, dimension, shape)
     return int(shape[0]), int(shape[1]), int(shape[2])
+
+
+def table_arguments(
+    model: str | int,
+    dimension: int,
+    index: ArrayLike,
+    z: ArrayLike,
+    whitening: ArrayLike,
+    sensor: ArrayLike | None,
+    loss: str,
+    scale: float,
+) -> tuple[int, int, int, Integers, Floats, Floats, bool, Floats | None, int, float]:
+    """What `Problem.add_table` is given as the kernel takes it: checked, contiguous, names as numbers."""
+    which = _place(model, MODELS, "model") if isinstance(model, str) else int(model)
+    if not 0 <= which < len(MODELS):
+        raise ModelError(f"model: found {which}, expected 0 to {len(MODELS) - 1}")
+    if dimension not in (2, 3):
+        raise ModelError(f"dimension: found {dimension}, expected 2 or 3")
+    name = MODELS[which]
+    keys, numbers, r = _model_shape(which, dimension)
+    pairs = integers(f"{name} index", index, (None, keys))
+    m = len(pairs)
+    measured = floats(f"{name} z", z, (m, numbers))
+    white = floats(f"{name} whitening", whitening, (m, r, r), (1, r, r))
+    mount = None if sensor is None else floats(f"{name} sensor", sensor, ((6,), (12,))[dimension - 2])
+    shared = len(white) == 1
+    return which, dimension, m, pairs, measured, white, shared, mount, _place(loss, LOSSES, "loss"), float(scale)
 
 
 def _place(name: str, names: tuple[str, ...], what: str) -> int:

@@ -2,6 +2,7 @@
 
 from teamslam.solver.condensed import Condensed
 from teamslam.solver.covariance import Covariances
+from teamslam.solver.dense import normal_equations
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
@@ -31,6 +32,7 @@ __all__ = [
     "each_side_by_side",
     "linearise_numerically",
     "meanwhile",
+    "normal_equations",
     "optimise",
     "optimise_graduated",
     "reach",

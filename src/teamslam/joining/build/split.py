@@ -6,6 +6,13 @@ poses hold what comes after to what was before (odometry is missing, and no loop
 always cut, without a shared pose. Otherwise a robot's log is one piece, as in the
 paper, unless pieces of a certain length are asked for: in poses, or in how far the heading may be lost along a piece
 by dead reckoning.
+
+    cuts       where pieces end by their length, and, for a log that still grows, which of these are settled
+    stretches  the rows between the cuts
+    apart      a stretch, cut again where its relative poses do not hang together
+
+A cut depends on what was before it and on a few poses after it, and the count begins anew at each: so a log may be cut
+while it grows, and ends in the same pieces.
 """
 
 from collections.abc import Sequence
@@ -40,17 +47,40 @@ def _split_robot(log: Dataset, robot: int, poses_per_piece: int | None, heading_
         return []
     for table in log.tables:
         refuse_borrowed(table, log.names)
+    starts = cuts(log, robot, poses_per_piece=poses_per_piece, heading_sigma=heading_sigma)
+    return [piece for stretch in stretches(log, starts) for piece in apart(stretch, robot)]
+
+
+def cuts(
+    log: Dataset,
+    robot: int,
+    *,
+    since: int | None = None,
+    until: int | None = None,
+    poses_per_piece: int | None = None,
+    heading_sigma: float | None = None,
+) -> IntArray:
+    """The poses at which one robot's log is cut by length, rising: each ends a stretch and begins the next.
+
+    `since`: the pose at which a longer log was cut before these rows. `until`: only cuts at poses before this one.
+    Law: where all is known of the poses before `until`, these cuts and those of the rest since the last of them are the
+    cuts of the whole.
+    """
     poses = log.pose_keys[robot]
-    variance = heading_variances(log, robot, poses)
-    starts = _cuts(variance, poses_per_piece, heading_sigma)
-    piece_of_row = [_piece_of(table, poses[starts]) for table in log.tables]
-    if not np.isfinite(variance).all():
-        piece_of_row = _hanging_together(log, piece_of_row, poses)
-    pieces = []
-    for number in range(1 + max(int(rows.max(initial=0)) for rows in piece_of_row)):
-        tables = (t.select(rows == number) for t, rows in zip(log.tables, piece_of_row, strict=True))
-        pieces.append(log.with_tables(t for t in tables if len(t)))
-    return [piece for piece in pieces if piece.tables]
+    if since is not None:
+        poses = np.union1d(poses[poses >= since], [since])
+    found = poses[_cuts(heading_variances(log, robot, poses), poses_per_piece, heading_sigma)[1:]]
+    return np.asarray(found if until is None else found[found < until])
+
+
+def stretches(log: Dataset, ends: IntArray) -> list[Dataset]:
+    """The rows of one robot's log in parts, one more than there are cuts at poses `ends`; empty ones are left out."""
+    part_of_row = [np.searchsorted(ends, taken_from(table), side="right") for table in log.tables]
+    parts = (
+        log.with_tables(t.select(rows == n) for t, rows in zip(log.tables, part_of_row, strict=True) if (rows == n).any())
+        for n in range(len(ends) + 1)
+    )
+    return [part for part in parts if part.tables]
 
 
 def refuse_borrowed(table: Table, names: Names) -> None:
@@ -83,34 +113,34 @@ def _cuts(variance: Array, poses_per_piece: int | None, heading_sigma: float | N
     return np.array(starts)
 
 
-def _piece_of(table: Table, first_poses: IntArray) -> IntArray:
-    """The piece that each row belongs to: the last one that starts at or before the pose it was taken from; of a row
-    between two of the robot's own poses, the earlier counts."""
-    place = np.searchsorted(first_poses, _taken_from(table), side="right") - 1
-    return np.where(is_pose(_taken_from(table)), np.maximum(place, 0), 0)
-
-
-def _taken_from(table: Table) -> IntArray:
+def taken_from(table: Table) -> IntArray:
+    """The pose (m,) that each row was taken from: of a row between two of the robot's own, the earlier. What was not
+    taken from a pose (a landmark that was surveyed) has -1: it goes with the robot's first."""
     own = (robot_of(table.keys) == table.robot).all(1)
-    return np.where(own, table.keys.min(1), table.keys[:, 0])
+    at = np.where(own, table.keys.min(1), table.keys[:, 0])
+    return np.where(is_pose(at), at, -1)
 
 
-def _hanging_together(log: Dataset, piece_of_row: Sequence[IntArray], poses: IntArray) -> list[IntArray]:
-    """The pieces that rows belong to once those are cut apart whose relative poses do not hang together."""
+def apart(stretch: Dataset, robot: int) -> list[Dataset]:
+    """The parts of a stretch, in time order, that the robot's relative poses hold together."""
     from scipy.sparse.csgraph import connected_components
 
-    n = len(poses)
+    poses = stretch.pose_keys[robot]
+    if not len(poses) or np.isfinite(heading_variances(stretch, robot, poses)).all():
+        return [stretch]
     stands, links = [], [np.zeros((0, 2), np.int64)]
-    for table, piece in zip(log.tables, piece_of_row, strict=True):
-        at = _taken_from(table)
-        stands.append(piece * n + np.where(is_pose(at), np.searchsorted(poses, at), 0))
+    for table in stretch.tables:
+        stands.append(np.searchsorted(poses, np.maximum(taken_from(table), poses[0])))
         if table.model == "relative_pose":
-            own = (robot_of(table.keys) == table.robot).all(1)
-            links.append(piece[own, None] * n + np.searchsorted(poses, table.keys[own]))
-    ends = np.concatenate(links)
-    nodes = np.unique(np.concatenate([*stands, ends.ravel()]))
-    i, j = np.searchsorted(nodes, ends).T
-    _, group = connected_components(sp.coo_array((np.ones(len(i)), (i, j)), shape=(len(nodes),) * 2), directed=False)
+            links.append(np.searchsorted(poses, table.keys[(robot_of(table.keys) == table.robot).all(1)]))
+    i, j = np.concatenate(links).T
+    _, group = connected_components(sp.coo_array((np.ones(len(i)), (i, j)), shape=(len(poses),) * 2), directed=False)
     _, first, label = np.unique(group, return_index=True, return_inverse=True)
     in_time: IntArray = np.argsort(np.argsort(first))[label]
-    return [in_time[np.searchsorted(nodes, stand)] for stand in stands]
+    parts = (
+        stretch.with_tables(
+            t.select(part) for t, at in zip(stretch.tables, stands, strict=True) if (part := in_time[at] == n).any()
+        )
+        for n in range(len(first))
+    )
+    return [part for part in parts if part.tables]

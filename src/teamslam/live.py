@@ -1,0 +1,101 @@
+"""The story of a robot that maps while it drives, one page: rows in, poses out, submaps as they close.
+
+    rows ─ step ─ the pose of now
+            └ close ─ pieces ─ [ build ─ join ─ outlook ] ─ renew
+
+What stands in brackets runs beside the steps, on an executor; where none is given, between two steps.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+
+from teamslam.errors import SolveError
+from teamslam.model import Dataset, Submap, Table
+from teamslam.robot import Atlas, Estimate, Filter, Options, Robot, outlook
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The robot after a step: the pose of now, and the submaps that were finished since the step before."""
+
+    robot: Robot
+    now: Estimate | None
+    submaps: tuple[Submap, ...] = ()
+
+
+def drive(
+    log: Dataset,
+    robot: int,
+    arrivals: Iterable[Sequence[Table]],
+    options: Options | None = None,
+    *,
+    executor: Executor | None = None,
+) -> Iterator[Moment]:
+    """A robot's moments as its rows arrive, and a last one when all is closed.
+
+    Of `log` only the channels count: which rows there may be. Law: the submaps of all moments, the newest version of
+    each, are those of `teamslam.split` and `teamslam.build` for the rows that arrived, to the bit.
+    """
+    now, mapper = Robot.of(log, robot, options), Mapper(executor)
+    for tables in arrivals:
+        now = now.step(tables)
+        if now.due:
+            now = now.close()
+        now, finished = mapper.attend(now)
+        yield Moment(now, now.now, finished)
+    now = now.finish()
+    yield Moment(now, now.now, mapper.finish(now))
+
+
+class Mapper:
+    """What runs beside the steps: it makes submaps and maps of what is closed, one round at a time."""
+
+    def __init__(self, executor: Executor | None) -> None:
+        self._executor, self._atlas = executor, Atlas()
+        self._round: Future[tuple[Atlas, Filter | None]] | None = None
+
+    def attend(self, robot: Robot) -> tuple[Robot, tuple[Submap, ...]]:
+        """Take in the round that has ended, if one has, and begin the next, if there is something to do."""
+        finished: tuple[Submap, ...] = ()
+        if self._round is None and self._news(robot):
+            if self._executor is None:
+                robot, finished = self._taken_in(robot, *mapped(self._atlas, robot))
+            else:
+                self._round = self._executor.submit(mapped, self._atlas, robot)
+        elif self._round is not None and self._round.done():
+            robot, finished = self._taken_in(robot, *self._round.result())
+            self._round = None
+        return robot, finished
+
+    def finish(self, robot: Robot) -> tuple[Submap, ...]:
+        """The submaps of all that is left."""
+        finished: tuple[Submap, ...] = ()
+        if self._round is not None:
+            robot, finished = self._taken_in(robot, *self._round.result())
+        _, more = self._taken_in(robot, *mapped(self._atlas, robot))
+        return finished + more
+
+    def _news(self, robot: Robot) -> bool:
+        held = self._atlas.stretches
+        return any(piece.number not in held or held[piece.number].version < piece.version for piece in robot.closed)
+
+    def _taken_in(self, robot: Robot, atlas: Atlas, start: Filter | None) -> tuple[Robot, tuple[Submap, ...]]:
+        before = {(s.id, s.version) for s in self._atlas.submaps}
+        self._atlas = atlas
+        fresh = tuple(s for s in atlas.submaps if (s.id, s.version) not in before)
+        return (robot if start is None else robot.renew(start)), fresh
+
+
+def mapped(atlas: Atlas, robot: Robot) -> tuple[Atlas, Filter | None]:
+    """The atlas with all that a robot has closed, and the filter with which its open rows begin in the map."""
+    for piece in robot.closed:
+        held = atlas.stretches.get(piece.number)
+        if held is None or held.version < piece.version:
+            atlas = atlas.with_stretch(piece.number, piece.version, robot.pieces(piece.number), piece.end)
+    known = None if robot.since is None else atlas.map_with(robot.since)
+    try:
+        start = None if known is None else outlook(known, int(robot.since or 0), robot.options.landmarks)
+    except SolveError:
+        start = None
+    return atlas, start

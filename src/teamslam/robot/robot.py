@@ -1,0 +1,218 @@
+"""A robot is a value: what it heard so far, in pieces that are closed and rows that are open, and where it is now.
+
+    step     rows in, the robot after them out; the pose of now with its covariance is there at once
+    close    the pieces that have come to an end: what `teamslam.split` makes of the same rows, to the bit
+    renew    the filter begins anew from a map in which earlier pieces lie (`outlook`), and goes through the open rows
+
+Rows may come late, twice and out of order, up to `horizon_s` behind the newest; what comes later is dropped and counted.
+Within the horizon the order changes nothing: pieces are a function of the set of rows, and the filter goes back to
+before a late row and through the rest again. A piece is closed when nothing that may still come can change where it
+ends. A row that reaches back into a closed piece (a loop closure) makes a new version of it.
+
+A step costs what its rows and at most `landmarks` landmarks cost; after a late row, times the rows of the horizon. It
+does not wait for closing, building and joining, which take a robot as it stands and may run beside it.
+"""
+
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.geometry import Array, IntArray, Pose
+from teamslam.joining.build.split import MIN_POSES, apart, cuts, refuse_borrowed
+from teamslam.model import Dataset, Table, pose_key
+from teamslam.robot.filter import Filter
+from teamslam.robot.rows import ALWAYS, Batch, batches, divided, head_of, inserted, log_of, not_yet, rank_of
+from teamslam.robot.trail import Pace, Trail, along, begun_with, with_row
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a robot maps while it drives.
+
+    A submap closes after `poses_per_piece` poses, or where the dead-reckoned heading is uncertain by `heading_sigma`
+    [rad]: the rules of `teamslam.split` (None: not by this rule; without either, at the end or where odometry is
+    missing). `horizon_s` [s]: how far behind the newest row another may come. `landmarks`: how many are carried from
+    step to step at most.
+    """
+
+    poses_per_piece: int | None = 100
+    heading_sigma: float | None = None
+    horizon_s: float = 0.0
+    landmarks: int = 64
+
+    def __post_init__(self) -> None:
+        if self.poses_per_piece is not None and self.poses_per_piece < 2:
+            raise InputError(f"a submap needs at least 2 poses, found {self.poses_per_piece}", field="poses_per_piece")
+        if self.heading_sigma is not None and not 0.0 < self.heading_sigma < np.inf:
+            raise InputError(f"an angle above 0 is needed, found {self.heading_sigma}", field="heading_sigma")
+        if not 0.0 <= self.horizon_s < np.inf:
+            raise InputError(f"a time of 0 s or more is needed, found {self.horizon_s}", field="horizon_s")
+        if self.landmarks < 1:
+            raise InputError(f"at least 1 landmark is needed, found {self.landmarks}", field="landmarks")
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Where the robot is: its pose `key` in the frame of the pose `frame` (or WORLD), with the covariance in the chart of
+    `geometry.pose`."""
+
+    key: int
+    frame: int
+    pose: Pose
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Rows that were `taken`, came again (`repeated`) or too `late`."""
+
+    taken: int = 0
+    repeated: int = 0
+    late: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A closed stretch: its rows, up to the pose `end` at which the next begins (None: the last of the log). `version`
+    counts the rows that came after it was closed."""
+
+    number: int
+    end: int | None
+    rows: tuple[Batch, ...]
+    version: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """All that a robot knows of its own log.
+
+    `head`: its channels (`rows`); `newest`: the tick of its newest row; `open`: batches that are in no closed piece, in
+    order; `since`: the pose at which its log was cut last.
+    """
+
+    number: int
+    head: Dataset
+    options: Options = field(default_factory=Options)
+    open: tuple[Batch, ...] = ()
+    since: int | None = None
+    closed: tuple[Piece, ...] = ()
+    newest: int = ALWAYS
+    counts: Counts = field(default_factory=Counts)
+    trail: Trail = ()
+
+    @classmethod
+    def of(cls, log: Dataset, number: int, options: Options | None = None) -> "Robot":
+        """A robot that has heard nothing yet; of `log` only the channels count."""
+        return cls(number, head_of(log, number), options or Options())
+
+    @property
+    def horizon(self) -> int:
+        """In ticks."""
+        return int(np.ceil(self.options.horizon_s / self.head.names.tick_s))
+
+    @property
+    def settled(self) -> int:
+        """The tick before which no row will be taken any more."""
+        return self.newest - self.horizon
+
+    @property
+    def now(self) -> Estimate | None:
+        """Where it is; None before its first row."""
+        filter_ = self.trail[-1].filter if self.trail else None
+        return filter_ and Estimate(filter_.key, filter_.frame, filter_.pose, filter_.pose_covariance)
+
+    # --- stepping -------------------------------------------------------------------------------------------------
+
+    def step(self, tables: Iterable[Table]) -> "Robot":
+        """The robot after some rows. Raises ModelError for rows that none of its channels brings, or that were taken
+        from another robot's pose."""
+        robot = self
+        for batch in sorted((b for table in tables for b in batches(self.head, table)), key=rank_of):
+            refuse_borrowed(batch.table, self.head.names)
+            robot = robot._take(batch)
+        return robot
+
+    def _take(self, batch: Batch) -> "Robot":
+        if batch.time != ALWAYS and batch.time < self.settled:
+            return self._counted(late=len(batch.table))
+        robot = self
+        for number, part in divided(batch, [piece.end for piece in self.closed]):
+            robot = robot._reopen(number, part) if number < len(self.closed) else robot._go_on(part)
+        return robot
+
+    def _go_on(self, batch: Batch) -> "Robot":
+        fresh, again = not_yet(self.open, batch)
+        robot = self._counted(taken=len(fresh.table), repeated=again)
+        if not len(fresh.table):
+            return robot
+        rows, newest = inserted(self.open, fresh), max(self.newest, fresh.time)
+        robot = replace(robot, open=rows, newest=newest)
+        return replace(robot, trail=with_row(self.trail, rows, fresh, robot._pace))
+
+    def _reopen(self, number: int, batch: Batch) -> "Robot":
+        piece = self.closed[number]
+        fresh, again = not_yet(piece.rows, batch)
+        robot = self._counted(taken=len(fresh.table), repeated=again)
+        if not len(fresh.table):
+            return robot
+        newer = replace(piece, rows=inserted(piece.rows, fresh), version=piece.version + 1)
+        return replace(robot, closed=(*self.closed[:number], newer, *self.closed[number + 1 :]))
+
+    def _counted(self, taken: int = 0, repeated: int = 0, late: int = 0) -> "Robot":
+        n = self.counts
+        return replace(self, counts=Counts(n.taken + taken, n.repeated + repeated, n.late + late))
+
+    @property
+    def _pace(self) -> Pace:
+        return Pace(self.head.robots[self.number], self.options.landmarks, self.settled, self.horizon)
+
+    # --- closing --------------------------------------------------------------------------------------------------
+
+    @property
+    def due(self) -> bool:
+        """Whether it may be worth while to look for a piece that has come to an end (`close`)."""
+        past = self.open[: bisect_left(self.open, (self.settled,), key=rank_of)]
+        return sum(batch.moves for batch in past) >= (self.options.poses_per_piece or MIN_POSES)
+
+    def close(self) -> "Robot":
+        """With every piece closed that has come to an end."""
+        ends = self._cuts(int(pose_key(self.number, max(self.settled, 0))))
+        return self._closed_at(ends.tolist()) if len(ends) else self
+
+    def finish(self) -> "Robot":
+        """With all closed: no row will come any more. Law: `pieces` are those of `teamslam.split`."""
+        return replace(self._closed_at([*self._cuts(None).tolist(), None]), since=None) if self.open else self
+
+    def pieces(self, number: int) -> list[Dataset]:
+        """The pieces of log of a closed stretch: one, or several where odometry is missing within it."""
+        return apart(log_of(self.head, self.closed[number].rows), self.number)
+
+    def _cuts(self, until: int | None) -> IntArray:
+        return cuts(
+            log_of(self.head, self.open), self.number, since=self.since, until=until,
+            poses_per_piece=self.options.poses_per_piece, heading_sigma=self.options.heading_sigma,
+        )  # fmt: skip
+
+    def _closed_at(self, ends: Sequence[int | None]) -> "Robot":
+        parts: list[list[Batch]] = [[] for _ in range(len(ends) + 1)]
+        for batch in self.open:
+            for number, part in divided(batch, ends):
+                parts[number].append(part)
+        first = len(self.closed)
+        closed = tuple(Piece(first + n, end, tuple(parts[n])) for n, end in enumerate(ends))
+        return replace(self, closed=(*self.closed, *closed), open=tuple(parts[-1]), since=ends[-1])
+
+    # --- beginning anew -------------------------------------------------------------------------------------------
+
+    def renew(self, start: Filter) -> "Robot":
+        """With a filter that begins at one of its poses, in which all rows before that pose are, and goes through the
+        rows since."""
+        later = [piece.rows for piece in self.closed if piece.end is None or piece.end > start.key]
+        rows = [
+            part for batch in (*(b for rows in later for b in rows), *self.open)
+            for number, part in divided(batch, [start.key]) if number
+        ]  # fmt: skip
+        return replace(self, trail=along((begun_with(start),), sorted(rows, key=rank_of), self._pace))

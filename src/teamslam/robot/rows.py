@@ -1,0 +1,150 @@
+"""Rows as they arrive: known by the channel they come from, put in order of time, and put together again as a log.
+
+A channel is a table without rows: who measures what with which sensor, noise and loss. What a robot has is its `head`, a
+Dataset of such tables in the order in which its log has them. Arriving rows are small tables; a batch is those of one
+channel that were taken at one time.
+
+    time of a row   the stamp of its pose; between two of the robot's own poses, of the later: when it was measured
+    order           by time, odometry first, then channel and number
+"""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from teamslam.errors import ModelError
+from teamslam.geometry import Array
+from teamslam.joining.build.split import taken_from
+from teamslam.model import Dataset, Table, index_of, pack, robot_of
+from teamslam.model.keys import MAX_INDEX
+
+ALWAYS = -1  # the time of what was measured from no pose: a landmark that was surveyed
+Rank = tuple[int, bool, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Rows of one channel of one time; `moves`: they are relative poses between two of the robot's own poses."""
+
+    time: int
+    moves: bool
+    channel: int
+    table: Table
+
+    @cached_property
+    def rank(self) -> Rank:
+        """Its place in the order."""
+        return (self.time, not self.moves, self.channel, int(self.table.ids[0]))
+
+
+def rank_of(batch: Batch) -> Rank:
+    """Its place in the order."""
+    return batch.rank
+
+
+def head_of(log: Dataset, robot: int) -> Dataset:
+    """The channels of one robot's log: its tables without their rows, the team and its names."""
+    tables = (table.select(np.zeros(0, np.int64)) for table in log.tables if table.robot == robot)
+    return Dataset(log.robots, tuple(tables), log.names)
+
+
+def batches(head: Dataset, table: Table) -> list[Batch]:
+    """A table that arrived, by time; none where it has no rows. Raises ModelError where no channel of the robot brings such rows."""
+    channel = _channel(head, table)
+    if not len(table):
+        return []
+    own = robot_of(table.keys) == table.robot
+    moves = own.all(1) & (not table.row.unary)
+    stamps = np.where(own, index_of(table.keys), ALWAYS).max(1)
+    if (stamps == stamps[0]).all() and (moves == moves[0]).all():
+        return [Batch(int(stamps[0]), bool(moves[0]), channel, table)]
+    kinds = np.unique(np.stack([stamps, moves], 1), axis=0).tolist()
+    return [Batch(time, bool(m), channel, table.select((stamps == time) & (moves == m))) for time, m in kinds]
+
+
+def log_of(head: Dataset, held: Iterable[Batch]) -> Dataset:
+    """The log that batches make: each channel's rows in the order of their numbers, which is that of the robot's log."""
+    by_channel: dict[int, list[Table]] = {}
+    for batch in held:
+        by_channel.setdefault(batch.channel, []).append(batch.table)
+    return head.with_tables(_together(head.tables[n], by_channel[n]) for n in sorted(by_channel))
+
+
+def divided(batch: Batch, ends: Sequence[int | None]) -> list[tuple[int, Batch]]:
+    """A batch in parts, by the number of poses of `ends` (rising; None: the end of all) that come no later than those
+    its rows were taken from."""
+    cuts = [end for end in ends if end is not None]
+    if not ends:
+        return [(0, batch)]
+    part = np.searchsorted(cuts, taken_from(batch.table), side="right") if cuts else np.zeros(len(batch.table), int)
+    if (part == part[0]).all():
+        return [(int(part[0]), batch)]
+    return [(n, replace(batch, table=batch.table.select(part == n))) for n in np.unique(part).tolist()]
+
+
+def inserted(held: tuple[Batch, ...], batch: Batch) -> tuple[Batch, ...]:
+    """Batches in order with one more."""
+    if not held or held[-1].rank < batch.rank:
+        return (*held, batch)
+    at = bisect_right(held, batch.rank, key=rank_of)
+    return (*held[:at], batch, *held[at:])
+
+
+def not_yet(held: Sequence[Batch], batch: Batch) -> tuple[Batch, int]:
+    """A batch without the rows that are there already, and how many these are."""
+    here = (batch.time, not batch.moves, batch.channel)
+    first, stop = (bisect_left(held, (*here, edge), key=rank_of) for edge in (-1, MAX_INDEX))
+    known = [held[n].table.ids for n in range(first, stop)]
+    again = np.isin(batch.table.ids, np.concatenate(known)) if known else np.zeros(len(batch.table), bool)
+    if not again.any():
+        return batch, 0
+    return replace(batch, table=batch.table.select(~again)), int(again.sum())
+
+
+def _together(channel: Table, parts: Sequence[Table]) -> Table:
+    ids = np.concatenate([part.ids for part in parts])
+    order = np.argsort(ids, kind="stable")
+    shared = len(channel.whitening) == 1
+    return replace(
+        channel,
+        keys=np.concatenate([part.keys for part in parts])[order],
+        values=np.concatenate([part.values for part in parts])[order],
+        whitening=channel.whitening if shared else np.concatenate([_each(part) for part in parts])[order],
+        ids=ids[order],
+    )
+
+
+def _each(table: Table) -> Array:
+    return np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
+
+
+def _channel(head: Dataset, table: Table) -> int:
+    for number, channel in enumerate(head.tables):
+        if _brings(channel, table):
+            return number
+    known = ", ".join(f"{t.source} ({t.model}, {t.dim}D)" for t in head.tables)
+    raise ModelError(
+        f"robot {head.names.robot(table.robot)} has no channel for {table.source} ({table.model}, {table.dim}D) with "
+        f"this sensor, noise and loss; it has: {known}"
+    )
+
+
+def _brings(channel: Table, table: Table) -> bool:
+    """Whether a table's rows come from a channel."""
+    same = (channel.robot, channel.source, channel.model, channel.dim, channel.loss)
+    if same != (table.robot, table.source, table.model, table.dim, table.loss):
+        return False
+    if channel.sensor is not table.sensor and not _same_mount(channel, table):
+        return False
+    if len(channel.whitening) != 1 or channel.whitening is table.whitening:
+        return True
+    return len(table.whitening) == 1 and np.array_equal(channel.whitening, table.whitening)
+
+
+def _same_mount(channel: Table, table: Table) -> bool:
+    if channel.sensor is None or table.sensor is None:
+        return False
+    return channel.sensor.dim == table.sensor.dim and np.array_equal(pack(channel.sensor), pack(table.sensor))
