@@ -25,7 +25,7 @@ from teamslam.model.layout import KIND_DOF, KIND_SIZE, rows_of
 from teamslam.solver import normal_equations
 
 REPEATED = 3  # linearisations of one update at most
-LITTLE = 0.01  # [rad] by which what is seen may turn before the rows are linearised anew
+LITTLE = 0.05  # [rad] by which the sight of things may turn before rows are linearised anew: half its square is lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,5 +291,3 @@ def _conditional(H: Array, g: Array, n: int) -> tuple[Array, Array, Array] | Non
         return None
     Q = root.T @ root
     return -Q @ H[n:, :n], Q, Q @ g[n:]
-
-

@@ -15,8 +15,6 @@ A cut depends on what was before it and on a few poses after it, and the count b
 while it grows, and ends in the same pieces.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -77,7 +75,9 @@ def stretches(log: Dataset, ends: IntArray) -> list[Dataset]:
     """The rows of one robot's log in parts, one more than there are cuts at poses `ends`; empty ones are left out."""
     part_of_row = [np.searchsorted(ends, taken_from(table), side="right") for table in log.tables]
     parts = (
-        log.with_tables(t.select(rows == n) for t, rows in zip(log.tables, part_of_row, strict=True) if (rows == n).any())
+        log.with_tables(
+            t.select(rows == n) for t, rows in zip(log.tables, part_of_row, strict=True) if (rows == n).any()
+        )
         for n in range(len(ends) + 1)
     )
     return [part for part in parts if part.tables]
