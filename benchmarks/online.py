@@ -58,16 +58,17 @@ def main() -> None:
         print(json.dumps(measure(options.solvers[0], options.dims[0], options)), flush=True)
         return
     rows = [in_its_own_process(s, dim, options) for dim in options.dims for s in options.solvers]
+    print(f"{machine()}\n")
     print(
-        f"{machine()}\n\n| solver | dim | median ms | p99 ms | max ms | second half, median ms | cpu: median, p99, max | online m | final m | MB |"
+        "| solver | dim | median ms | p99 | max | second half, median | cpu: median, p99, max | online m | final m | MB |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for r in rows:
         print(
             f"| {r['solver']} | {r['dim']} | {r['median_ms']:.2f} | {r['p99_ms']:.2f} | {r['max_ms']:.2f} "
-            f"| {r['second_half_median_ms']:.2f} | {r['cpu_median_ms']:.2f}, {r['cpu_p99_ms']:.2f}, {r['cpu_max_ms']:.2f} "
-            f"| {r['online_rmse_m']:.4f} | {r['final_rmse_m']:.4f} "
-            f"| {r['memory_mb']:.0f} |"
+            f"| {r['second_half_median_ms']:.2f} "
+            f"| {r['cpu_median_ms']:.2f}, {r['cpu_p99_ms']:.2f}, {r['cpu_max_ms']:.2f} "
+            f"| {r['online_rmse_m']:.4f} | {r['final_rmse_m']:.4f} | {r['memory_mb']:.0f} |"
         )
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n")

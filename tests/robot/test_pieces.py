@@ -143,7 +143,7 @@ def test_a_robot_is_a_value() -> None:
 def test_rows_that_no_channel_brings_are_refused_with_what_there_is() -> None:
     log = log_with_gaps("2d", 1, 0)
     table: Table = in_time(log, 1)[0][1][0]
-    with pytest.raises(ModelError, match="no channel for sonar .* it has: odometry"):
+    with pytest.raises(ModelError, match=r"no channel for sonar .* it has: odometry"):
         Robot.of(log, 1).step([replace(table, source="sonar")])
 
 

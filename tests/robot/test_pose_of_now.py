@@ -1,4 +1,4 @@
-"""The pose of now: that of the least squares of all rows so far, from a filter that carries little and does not grow."""
+"""The pose of now: that of the least squares of all rows so far, from a filter that carries little."""
 
 from collections.abc import Iterable
 

@@ -158,7 +158,7 @@ class Filter:
 
     def _beyond(self, table: Table) -> Pose:
         """Where the first relative pose of a table puts the next pose."""
-        step = measured_poses(table if len(table) == 1 else table.select(slice(0, 1)), self.kind.dim)[0]
+        step = measured_poses(table if len(table) == 1 else table.select(np.zeros(1, np.int64)), self.kind.dim)[0]
         return self.pose @ (step if int(table.keys[0, 0]) == self.key else step.inverse())
 
     # --- seeing ---------------------------------------------------------------------------------------------------

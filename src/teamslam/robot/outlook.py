@@ -16,8 +16,8 @@ from teamslam.solver import Covariances
 
 
 def outlook(known: Submap, at: int, landmarks: int) -> Filter | None:
-    """The filter at a pose of a map, with at most so many landmarks: those nearest to it over the ground; None where the
-    map does not hold that pose. Raises SolveError where the map leaves something open."""
+    """The filter at a pose of a map, with at most so many landmarks: those nearest to it over the ground; None where
+    the map does not hold that pose. Raises SolveError where the map leaves something open."""
     values = known.all_values
     if not values.layout.contains(at):
         return None

@@ -4,8 +4,8 @@
     close    the pieces that have come to an end: what `teamslam.split` makes of the same rows, to the bit
     renew    the filter begins anew from a map in which earlier pieces lie (`outlook`), and goes through the open rows
 
-Rows may come late, twice and out of order, up to `horizon_s` behind the newest; what comes later is dropped and counted.
-Within the horizon the order changes nothing: pieces are a function of the set of rows, and the filter goes back to
+Rows may come late, twice and out of order, up to `horizon_s` behind the newest; what comes later is dropped and
+counted. Within the horizon the order changes nothing: pieces are a function of the set of rows, and the filter goes back to
 before a late row and through the rest again. A piece is closed when nothing that may still come can change where it
 ends. A row that reaches back into a closed piece (a loop closure) makes a new version of it.
 
@@ -56,8 +56,8 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Where the robot is: its pose `key` in the frame of the pose `frame` (or WORLD), with the covariance in the chart of
-    `geometry.pose`."""
+    """Where the robot is: its pose `key` in the frame of the pose `frame` (or WORLD), with the covariance in the chart
+    of `geometry.pose`."""
 
     key: int
     frame: int
@@ -122,7 +122,9 @@ class Robot:
     def now(self) -> Estimate | None:
         """Where it is; None before its first row."""
         filter_ = self.trail[-1].filter if self.trail else None
-        return filter_ and Estimate(filter_.key, filter_.frame, filter_.pose, filter_.pose_covariance)
+        if filter_ is None:
+            return None
+        return Estimate(filter_.key, filter_.frame, filter_.pose, filter_.pose_covariance)
 
     # --- stepping -------------------------------------------------------------------------------------------------
 
@@ -174,7 +176,7 @@ class Robot:
     @property
     def due(self) -> bool:
         """Whether it may be worth while to look for a piece that has come to an end (`close`)."""
-        past = self.open[: bisect_left(self.open, (self.settled,), key=rank_of)]
+        past = self.open[: bisect_left(self.open, (self.settled, False, -1, -1), key=rank_of)]
         return sum(batch.moves for batch in past) >= (self.options.poses_per_piece or MIN_POSES)
 
     def close(self) -> "Robot":

@@ -1,7 +1,7 @@
 """Rows as they arrive: known by the channel they come from, put in order of time, and put together again as a log.
 
-A channel is a table without rows: who measures what with which sensor, noise and loss. What a robot has is its `head`, a
-Dataset of such tables in the order in which its log has them. Arriving rows are small tables; a batch is those of one
+A channel is a table without rows: who measures what with which sensor, noise and loss. What a robot has is its `head`,
+a Dataset of such tables in the order in which its log has them. Arriving rows are small tables; a batch is those of one
 channel that were taken at one time.
 
     time of a row   the stamp of its pose; between two of the robot's own poses, of the later: when it was measured
@@ -52,7 +52,8 @@ def head_of(log: Dataset, robot: int) -> Dataset:
 
 
 def batches(head: Dataset, table: Table) -> list[Batch]:
-    """A table that arrived, by time; none where it has no rows. Raises ModelError where no channel of the robot brings such rows."""
+    """A table that arrived, by time; none where it has no rows. Raises ModelError where no channel of the robot brings
+    such rows."""
     channel = _channel(head, table)
     if not len(table):
         return []
@@ -66,7 +67,7 @@ def batches(head: Dataset, table: Table) -> list[Batch]:
 
 
 def log_of(head: Dataset, held: Iterable[Batch]) -> Dataset:
-    """The log that batches make: each channel's rows in the order of their numbers, which is that of the robot's log."""
+    """The log that batches make: each channel's rows in the order of their numbers, as the robot's log has them."""
     by_channel: dict[int, list[Table]] = {}
     for batch in held:
         by_channel.setdefault(batch.channel, []).append(batch.table)

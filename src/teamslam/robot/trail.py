@@ -1,8 +1,8 @@
 """The filter's way through rows in order of time, with marks to go back to when a row comes late.
 
 A mark is the filter after the rows up to a rank. Marks are kept within the horizon, some apart, and the last one before
-it: no row comes earlier. The filter after a row is a function of the rows before it and of where it began; so it does not
-matter in which order rows of different times came.
+it: no row comes earlier. The filter after a row is a function of the rows before it and of where it began; so it does
+not matter in which order rows of different times came.
 """
 
 from bisect import bisect_right
