@@ -22,7 +22,6 @@ import statistics
 import subprocess
 import sys
 import time
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,8 @@ import teamslam as ts
 from memory import forget_peak, peak_mb
 from run import machine
 from teamslam.geometry import Pose
-from teamslam.live import mapped
-from teamslam.model import Dataset, Table, is_landmark, robot_of
+from teamslam.live import mapped, replayed
+from teamslam.model import Dataset, Table, is_landmark
 from teamslam.model.sensors import pose_of
 from teamslam.robot import Atlas, Options, Robot
 from teamslam.sim.scenario import Options as World
@@ -59,9 +58,7 @@ def main() -> None:
         return
     rows = [in_its_own_process(s, dim, options) for dim in options.dims for s in options.solvers]
     print(f"{machine()}\n")
-    print(
-        "| solver | dim | median ms | p99 | max | second half, median | cpu: median, p99, max | online m | final m | MB |"
-    )
+    print("| solver | dim | median ms | p99 | max | second half | cpu: median, p99, max | online m | final m | MB |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for r in rows:
         print(
@@ -89,7 +86,7 @@ def measure(solver: str, dim: int, options: argparse.Namespace) -> dict[str, Any
     """The row of a solver, in this process."""
     world = World(space=f"{dim}d", robots=1, poses=options.poses, landmarks=options.landmarks, path=options.path)
     log = simulate_options(world, options.seed)
-    moments = arrivals(log)
+    moments = [tables for _, tables in replayed(log, 1)]
     truth = log.truth
     assert truth is not None
     poses = truth.poses_of(log.pose_keys[1], dim)
@@ -119,17 +116,6 @@ def measure(solver: str, dim: int, options: argparse.Namespace) -> dict[str, Any
         "final_rmse_m": rmse(np.array(positions) if final is None else final, way), "memory_mb": memory,
         **stepper.more(),
     }  # fmt: skip
-
-
-def arrivals(log: Dataset) -> list[list[Table]]:
-    """The rows of each pose, odometry first: what comes at its time."""
-    poses, parts = log.pose_keys[1], []
-    for table in log.tables:
-        own = robot_of(table.keys) == 1
-        at = np.where(own, table.keys, -1).max(1)
-        edges = np.searchsorted(at, [*poses, poses[-1] + 1])
-        parts.append([table.select(slice(a, b)) for a, b in pairwise(edges)])
-    return [[table for table in moment if len(table)] for moment in zip(*parts, strict=True)]
 
 
 def rmse(positions: np.ndarray, way: np.ndarray) -> float:

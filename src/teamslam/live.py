@@ -9,19 +9,42 @@ What stands in brackets runs beside the steps, on an executor; where none is giv
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from itertools import groupby
+from time import monotonic, sleep
 
 from teamslam.errors import SolveError
 from teamslam.model import Dataset, Submap, Table
 from teamslam.robot import Atlas, Estimate, Filter, Options, Robot, outlook
+from teamslam.robot.rows import batches, head_of, rank_of
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """The robot after a step: the pose of now, and the submaps that were finished since the step before."""
+    """The robot after a step: the pose of now, the submaps that were finished since the step before, and of pieces that
+    gave none, why."""
 
     robot: Robot
     now: Estimate | None
     submaps: tuple[Submap, ...] = ()
+    unbuilt: tuple[str, ...] = ()
+
+
+def replayed(log: Dataset, robot: int) -> Iterator[tuple[float, list[Table]]]:
+    """The rows of one robot's log as they came: those of each time with its stamp [s], or count."""
+    head = head_of(log, robot)
+    rows = sorted((b for table in log.tables if table.robot == robot for b in batches(head, table)), key=rank_of)
+    for time, moment in groupby(rows, key=lambda batch: batch.time):
+        yield max(time, 0) * log.names.tick_s, [batch.table for batch in moment]
+
+
+def paced(rows: Iterable[tuple[float, list[Table]]], speed: float | None) -> Iterator[list[Table]]:
+    """Rows at their time, `speed` seconds of their stamps in one; at once where it is None."""
+    began, first = monotonic(), None
+    for stamp, tables in rows:
+        if speed is not None:
+            first = stamp if first is None else first
+            sleep(max(0.0, (stamp - first) / speed - (monotonic() - began)))
+        yield tables
 
 
 def drive(
@@ -32,7 +55,8 @@ def drive(
     *,
     executor: Executor | None = None,
 ) -> Iterator[Moment]:
-    """A robot's moments as its rows arrive, and a last one when all is closed.
+    """A robot's moments as its rows arrive, and a last one, without a pose, when all is closed: with the reasons of all
+    pieces that gave no submap.
 
     Of `log` only the channels count: which rows there may be. Law: the submaps of all moments, the newest version of
     each, are those of `teamslam.split` and `teamslam.build` for the rows that arrived, to the bit.
@@ -45,14 +69,16 @@ def drive(
         now, finished = mapper.attend(now)
         yield Moment(now, now.now, finished)
     now = now.finish()
-    yield Moment(now, now.now, mapper.finish(now))
+    finished = mapper.finish(now)
+    yield Moment(now, None, finished, mapper.atlas.unbuilt)
 
 
 class Mapper:
-    """What runs beside the steps: it makes submaps and maps of what is closed, one round at a time."""
+    """What runs beside the steps: it makes submaps and maps of what is closed, one round at a time.
+    `atlas`: what it has made."""
 
     def __init__(self, executor: Executor | None) -> None:
-        self._executor, self._atlas = executor, Atlas()
+        self._executor, self.atlas = executor, Atlas()
         self._round: Future[tuple[Atlas, Filter | None]] | None = None
 
     def attend(self, robot: Robot) -> tuple[Robot, tuple[Submap, ...]]:
@@ -60,9 +86,9 @@ class Mapper:
         finished: tuple[Submap, ...] = ()
         if self._round is None and self._news(robot):
             if self._executor is None:
-                robot, finished = self._taken_in(robot, *mapped(self._atlas, robot))
+                robot, finished = self._taken_in(robot, *mapped(self.atlas, robot))
             else:
-                self._round = self._executor.submit(mapped, self._atlas, robot)
+                self._round = self._executor.submit(mapped, self.atlas, robot)
         elif self._round is not None and self._round.done():
             robot, finished = self._taken_in(robot, *self._round.result())
             self._round = None
@@ -73,16 +99,16 @@ class Mapper:
         finished: tuple[Submap, ...] = ()
         if self._round is not None:
             robot, finished = self._taken_in(robot, *self._round.result())
-        _, more = self._taken_in(robot, *mapped(self._atlas, robot))
+        _, more = self._taken_in(robot, *mapped(self.atlas, robot))
         return finished + more
 
     def _news(self, robot: Robot) -> bool:
-        held = self._atlas.stretches
+        held = self.atlas.stretches
         return any(piece.number not in held or held[piece.number].version < piece.version for piece in robot.closed)
 
     def _taken_in(self, robot: Robot, atlas: Atlas, start: Filter | None) -> tuple[Robot, tuple[Submap, ...]]:
-        before = {(s.id, s.version) for s in self._atlas.submaps}
-        self._atlas = atlas
+        before = {(s.id, s.version) for s in self.atlas.submaps}
+        self.atlas = atlas
         fresh = tuple(s for s in atlas.submaps if (s.id, s.version) not in before)
         return (robot if start is None else robot.renew(start)), fresh
 

@@ -18,6 +18,7 @@ from teamslam.cli.info import info
 from teamslam.cli.join import join
 from teamslam.cli.paper import paper
 from teamslam.cli.plot import plot
+from teamslam.cli.robot import robot
 from teamslam.cli.run import run
 from teamslam.cli.score import score
 from teamslam.cli.simulate import simulate
@@ -41,7 +42,7 @@ measurements contradict; 130 interrupted.
 """
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
-for command in (demo, run, simulate, convert, info, score, plot, paper, split, build, join, exchange):
+for command in (demo, run, simulate, convert, info, score, plot, paper, split, build, join, exchange, robot):
     app.command(command)
 
 

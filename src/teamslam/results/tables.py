@@ -35,7 +35,7 @@ def write_trajectory_table(record: Record, path: Path) -> None:
         for robot in submap.robots_in_it:
             who = [number, submap.names.robot(robot)]
             lines += _pose_lines(who, submap, submap.trajectory_keys(robot), covariances, dim)
-    _write(path, ("component", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim])), lines)
+    _write(path, ("component", "robot", "stamp_s", *POSE_COLUMNS[dim], *triangle(POSE_ERRORS[dim])), lines)
 
 
 def write_landmarks(record: Record, path: Path) -> None:
@@ -51,7 +51,7 @@ def write_landmarks(record: Record, path: Path) -> None:
         )
         names = [submap.names.landmark(landmark) for landmark in index_of(keys).tolist()]
         lines += [f"{_cells([number, name])},{row}" for name, row in zip(names, rows, strict=True)]
-    _write(path, ("component", "landmark", *(f"{a}_m" for a in axes), *_triangle(axes)), lines)
+    _write(path, ("component", "landmark", *(f"{a}_m" for a in axes), *triangle(axes)), lines)
 
 
 def write_team(record: Record, path: Path) -> None:
@@ -62,7 +62,7 @@ def write_team(record: Record, path: Path) -> None:
         for robot in submap.robots_in_it:
             who = [number, submap.names.describe(submap.base), submap.names.robot(robot)]
             lines += _pose_lines(who, submap, submap.trajectory_keys(robot)[:1], covariances, dim)
-    columns = ("component", "map_frame", "robot", "stamp_s", *POSE_COLUMNS[dim], *_triangle(POSE_ERRORS[dim]))
+    columns = ("component", "map_frame", "robot", "stamp_s", *POSE_COLUMNS[dim], *triangle(POSE_ERRORS[dim]))
     _write(path, columns, lines)
 
 
@@ -166,7 +166,7 @@ def _upper(blocks: Array) -> Array:
     return np.asarray(blocks[:, rows, columns])
 
 
-def _triangle(names: Sequence[str]) -> list[str]:
+def triangle(names: Sequence[str]) -> list[str]:
     return [f"cov_{a}_{b}" for a, b in combinations_with_replacement(names, 2)]
 
 

@@ -59,6 +59,11 @@ class Atlas:
         """All submaps, as they would be sent."""
         return tuple(submap for _, stretch in sorted(self.stretches.items()) for submap in stretch.submaps)
 
+    @property
+    def unbuilt(self) -> tuple[str, ...]:
+        """Why pieces gave no submap."""
+        return tuple(reason for _, stretch in sorted(self.stretches.items()) for reason in stretch.unbuilt)
+
     @cached_property
     def joined(self) -> Joined | None:
         """The map of the condensed submaps; None where there are none, or no map can be made of them."""

@@ -5,9 +5,9 @@
     renew    the filter begins anew from a map in which earlier pieces lie (`outlook`), and goes through the open rows
 
 Rows may come late, twice and out of order, up to `horizon_s` behind the newest; what comes later is dropped and
-counted. Within the horizon the order changes nothing: pieces are a function of the set of rows, and the filter goes back to
-before a late row and through the rest again. A piece is closed when nothing that may still come can change where it
-ends. A row that reaches back into a closed piece (a loop closure) makes a new version of it.
+counted. Within the horizon the order changes nothing: pieces are a function of the set of rows, and the filter goes
+back to before a late row and through the rest again. A piece is closed when nothing that may still come can change
+where it ends. A row that reaches back into a closed piece (a loop closure) makes a new version of it.
 
 A step costs what its rows and at most `landmarks` landmarks cost; after a late row, times the rows of the horizon. It
 does not wait for closing, building and joining, which take a robot as it stands and may run beside it.

@@ -62,8 +62,10 @@ def batches(head: Dataset, table: Table) -> list[Batch]:
     stamps = np.where(own, index_of(table.keys), ALWAYS).max(1)
     if (stamps == stamps[0]).all() and (moves == moves[0]).all():
         return [Batch(int(stamps[0]), bool(moves[0]), channel, table)]
-    kinds = np.unique(np.stack([stamps, moves], 1), axis=0).tolist()
-    return [Batch(time, bool(m), channel, table.select((stamps == time) & (moves == m))) for time, m in kinds]
+    group = 2 * stamps + ~moves
+    order = np.argsort(group, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    return [Batch(int(stamps[p[0]]), bool(moves[p[0]]), channel, table.select(p)) for p in parts]
 
 
 def log_of(head: Dataset, held: Iterable[Batch]) -> Dataset:

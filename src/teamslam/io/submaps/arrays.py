@@ -125,9 +125,13 @@ def write(submaps: Sequence[Submap], path: Path) -> tuple[Dropped, ...]:
         return ()
     width = len(str(len(submaps)))
     for number, submap in enumerate(submaps, 1):
-        name = re.sub(r"[^A-Za-z0-9.-]+", "_", submap.id)[:80]
-        write_submap(submap, path / f"{number:0{width}}_{name}{SUFFIX}")
+        write_submap(submap, path / f"{number:0{width}}_{file_name(submap)}")
     return ()
+
+
+def file_name(submap: Submap) -> str:
+    """What a submap's file is called, after its id."""
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", submap.id)[:80] + SUFFIX
 
 
 def read_submap(path: str | Path, *, prove: bool = True) -> Submap:

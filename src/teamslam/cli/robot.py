@@ -1,0 +1,113 @@
+"""`teamslam robot`: a robot that maps while it drives."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from teamslam.cli.numbers import MaybeWhole, Whole
+
+if TYPE_CHECKING:
+    from teamslam.model import Names
+
+
+def robot(
+    log: Path,
+    /,
+    *,
+    out: Path,
+    robot: str | None = None,
+    poses_per_piece: MaybeWhole = 100,
+    heading_sigma: float | None = None,
+    horizon: float = 0.0,
+    landmarks: Whole = 64,
+    speed: float | None = None,
+    format: str | None = None,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Map while driving: a robot's log is played row by row, as if its sensors spoke now.
+
+    After each moment the pose of now is there with its covariance, from the rows so far alone; submaps are written as
+    they close. They are those that `teamslam build` makes of the same log with the same options, to the bit.
+
+    ```
+    teamslam robot MRCLAM_Dataset6 --robot 3 --out robot-3
+    teamslam robot MRCLAM_Dataset6 --robot 3 --out robot-3 --poses-per-piece 300 --speed 10
+    teamslam join robot-1/submaps robot-3/submaps --out map
+    ```
+
+    In the folder: `poses.csv`, a line for each moment, and `submaps/`, a file for each submap.
+
+    Exit codes: 0 done; 1 some rows came too late, or some piece gave no submap; 2 bad input or usage.
+
+    Parameters
+    ----------
+    log
+        A log: a folder or file in any format that `teamslam convert --help` lists.
+    out
+        The folder to write; it must not exist or be empty.
+    robot
+        The robot's name. Needed where the log is of several.
+    poses_per_piece
+        A submap closes after so many poses.
+    heading_sigma
+        A submap closes where its dead-reckoned heading is uncertain by this angle [rad].
+    horizon
+        How far behind the newest row another may come [s]; a row that comes later is left out, and counted.
+    landmarks
+        How many landmarks are carried from moment to moment at most: what a moment costs.
+    speed
+        How many seconds of the log go by in one. By default as fast as can be.
+    format
+        The format of the log, where it cannot be told from its looks.
+    quiet
+        Print nothing but errors.
+    """
+    from teamslam.cli.console import complain, say
+    from teamslam.cli.words import counted
+    from teamslam.errors import InputError
+    from teamslam.io import read
+    from teamslam.io.submaps.arrays import file_name, write_submap
+    from teamslam.live import drive, paced, replayed
+    from teamslam.results import refuse_to_overwrite
+    from teamslam.results.poses import PoseFile
+    from teamslam.robot import Options
+
+    if speed is not None and not 0.0 < speed < float("inf"):
+        raise InputError(f"a speed is above 0, found {speed}", field="speed")
+    refuse_to_overwrite(out, replace=None)
+    options = Options(poses_per_piece, heading_sigma, horizon, landmarks)
+    dataset = read(log, format=format)
+    number = _number_of(robot, dataset.names, [r for r in sorted(dataset.robots) if dataset.of_robot(r).tables])
+    submaps = 0
+    (out / "submaps").mkdir(parents=True)
+    with PoseFile(out / "poses.csv", dataset.names, dataset.robots[number]) as poses:
+        for moment in drive(dataset, number, paced(replayed(dataset, number), speed), options):
+            poses.add(moment.now)
+            for submap in moment.submaps:
+                write_submap(submap, out / "submaps" / file_name(submap))
+            submaps += len(moment.submaps)
+    for reason in moment.unbuilt:
+        complain(f"a piece gave no submap: {reason}")
+    counts = moment.robot.counts
+    if counts.late:
+        complain(f"{counted(counts.late, 'row')} came more than {horizon:g} s behind and were left out")
+    if not quiet:
+        say(f"written: {out}: {counted(poses.rows, 'pose')}, {counted(submaps, 'submap')}")
+    return 1 if counts.late or moment.unbuilt else 0
+
+
+def _number_of(name: str | None, names: "Names", robots: Sequence[int]) -> int:
+    """The number of the robot that is meant. InputError where it is none of a log's, or must be named."""
+    from teamslam.errors import InputError
+
+    known = {names.robot(number): number for number in robots}
+    if name is None and len(known) == 1:
+        return robots[0]
+    if name in known:
+        return known[name]
+    there = ", ".join(known)
+    if name is None:
+        raise InputError(f"this log is of several robots ({there}); say which with --robot", field="robot")
+    raise InputError(f"this log has no robot '{name}'; it is of: {there}", field="robot")

@@ -1,0 +1,50 @@
+"""Poses as they are told while a robot drives: a file that grows by a line at a time.
+
+Columns as in `trajectory.csv`, with the pose in whose frame each is written: `frame` names its robot, `frame_stamp_s`
+its time ('world' and nothing in the world's frame).
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from teamslam.model import Names, index_of, robot_of
+from teamslam.model.keys import WORLD
+from teamslam.results.tables import POSE_COLUMNS, POSE_ERRORS, triangle
+from teamslam.robot import Estimate
+
+
+class PoseFile:
+    """A table of poses that is written while they come; `rows` counts them."""
+
+    def __init__(self, path: Path, names: Names, dim: int) -> None:
+        self.rows, self._names, self._above = 0, names, np.triu_indices(len(POSE_ERRORS[dim]))
+        self._file = path.open("w", newline="", encoding="utf-8")
+        self._csv = csv.writer(self._file)
+        self._csv.writerow(
+            ("robot", "stamp_s", "frame", "frame_stamp_s", *POSE_COLUMNS[dim], *triangle(POSE_ERRORS[dim]))
+        )
+
+    def __enter__(self) -> "PoseFile":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def add(self, now: Estimate | None) -> None:
+        """One line more; none where nothing is known yet."""
+        if now is None:
+            return
+        names = self._names
+        frame: tuple[object, object] = ("world", "")
+        if now.frame != WORLD:
+            frame = (names.robot(int(robot_of(now.frame))), _stamp(names, now.frame))
+        numbers = [*now.pose.numbers().tolist(), *now.covariance[self._above].tolist()]
+        self._csv.writerow((names.robot(int(robot_of(now.key))), _stamp(names, now.key), *frame, *numbers))
+        self._file.flush()
+        self.rows += 1
+
+
+def _stamp(names: Names, key: int) -> float:
+    return float(index_of(key) * names.tick_s)
