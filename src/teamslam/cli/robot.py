@@ -65,13 +65,13 @@ def robot(
         Print nothing but errors.
     """
     from teamslam.cli.console import complain, say
-    from teamslam.cli.words import counted
     from teamslam.errors import InputError
     from teamslam.io import read
     from teamslam.io.submaps.arrays import file_name, write_submap
     from teamslam.live import drive, paced, replayed
     from teamslam.results import refuse_to_overwrite
     from teamslam.results.poses import PoseFile
+    from teamslam.results.words import counted
     from teamslam.robot import Options
 
     if speed is not None and not 0.0 < speed < float("inf"):
