@@ -23,6 +23,7 @@ from teamslam.cli.run import run
 from teamslam.cli.score import score
 from teamslam.cli.simulate import simulate
 from teamslam.cli.split import split
+from teamslam.cli.view import view
 from teamslam.errors import SolveError, TeamslamError
 
 HELP = """Several robots, one map: landmark SLAM for teams by submap joining.
@@ -42,7 +43,7 @@ measurements contradict; 130 interrupted.
 """
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
-for command in (demo, run, simulate, convert, info, score, plot, paper, split, build, join, exchange, robot):
+for command in (demo, run, simulate, convert, info, score, plot, view, paper, split, build, join, exchange, robot):
     app.command(command)
 
 

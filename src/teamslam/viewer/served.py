@@ -1,0 +1,125 @@
+"""The viewer: a server on this machine, its scene, and the panel that switches it."""
+
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import Any
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.viewer.nodes import Nodes
+from teamslam.viewer.placed import Placed
+
+KINDS = {
+    "ways": "ways",
+    "robots": "robots",
+    "landmarks": "landmarks",
+    "names": "names",
+    "regions": "95 % regions",
+    "truth": "truth",
+    "sightings": "sightings of landmarks",
+    "seen": "sightings of robots",
+    "second": "second places",
+}
+PLAYED_S = 30.0  # that playing a run takes
+
+
+class Viewer:
+    """Runs in one space, served at `address` until it is stopped. InputError where viser is not installed."""
+
+    def __init__(self, runs: Sequence[Placed], *, host: str = "127.0.0.1", port: int = 8080) -> None:
+        try:
+            import viser
+        except ImportError:
+            raise InputError("the viewer needs viser; install it with `pip install teamslam[view]`") from None
+        self.runs = runs
+        with redirect_stdout(StringIO()):  # its greeting: whoever starts a viewer says where it is
+            self.server: Any = viser.ViserServer(host=host, port=port, label="teamslam", verbose=False)
+        self.server.scene.set_up_direction("+z")
+        low, high = _box(runs)
+        self.size = float(np.linalg.norm(high - low)) or 1.0
+        self.nodes = [
+            [
+                Nodes(self.server.scene, f"/run{n}/part{m}", run.page, part, m, frame, self.size)
+                for m, (part, frame) in enumerate(zip(run.page.parts, run.frames, strict=True))
+            ]
+            for n, run in enumerate(runs)
+        ]
+        middle = 0.5 * (low + high)
+        self.server.initial_camera.look_at = middle
+        self.server.initial_camera.position = middle + self.size * np.array([-0.2, -0.5, 0.45])
+        self._panel()
+        self._show()
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def step(self, seconds: float) -> None:
+        """Let so much time pass: while it plays, the run goes on."""
+        if self.playing.value:
+            begin, end = self.span
+            ahead = self.time.value + (end - begin) * seconds / PLAYED_S
+            self.time.value = begin if ahead > end else ahead
+
+    def stop(self) -> None:
+        """Close the server, and what is connected to it."""
+        self.server.stop()
+
+    def _panel(self) -> None:
+        gui, pages = self.server.gui, [run.page for run in self.runs]
+        stamps = [way.stamps[[0, -1]] for page in pages for part in page.parts for way in part.ways]
+        self.span = (float(np.min(stamps)), max(float(np.max(stamps)), float(np.min(stamps)) + 1e-3))
+        begin, end = self.span
+        unit = "pose" if pages[0].counts else "s"
+        with gui.add_folder("Time"):
+            step = (end - begin) / 2000.0
+            self.time = gui.add_slider(f"time [{unit}]", begin, end, step, end)
+            self.window = gui.add_slider(
+                f"sightings of the last [{unit}]", step, end - begin, step, (end - begin) / 60.0
+            )
+            self.playing = gui.add_checkbox("play", False)
+        with gui.add_folder("Runs"):
+            self.visible = [gui.add_checkbox(run.name, True) for run in self.runs]
+        with gui.add_folder("Show"):
+            self.kinds = {kind: gui.add_checkbox(word, kind != "second") for kind, word in KINDS.items()}
+            times = max((part.magnification for page in pages for part in page.parts), default=1)
+            self.times = gui.add_slider("regions larger by", 1.0, 100.0, 1.0, float(times))
+        robots = list(dict.fromkeys(robot for page in pages for robot in page.robots))
+        with gui.add_folder("Robots", expand_by_default=len(robots) <= 12):
+            self.robots = {robot: gui.add_checkbox(robot, True) for robot in robots}
+        for control in (self.time, self.window, self.times):
+            control.on_update(lambda _: self._move())
+        for switch in (*self.visible, *self.kinds.values(), *self.robots.values()):
+            switch.on_update(lambda _: self._show())
+
+    def _show(self) -> None:
+        kinds = {kind for kind, switch in self.kinds.items() if switch.value}
+        with self.server.atomic():
+            for run, on, parts in zip(self.runs, self.visible, self.nodes, strict=True):
+                hidden = {n for n, robot in enumerate(run.page.robots) if not self.robots[robot].value}
+                for nodes in parts:
+                    nodes.at = self._now()
+                    nodes.shown(kinds if on.value else set(), hidden)
+
+    def _move(self) -> None:
+        with self.server.atomic():
+            for on, parts in zip(self.visible, self.nodes, strict=True):
+                for nodes in parts if on.value else ():
+                    nodes.moved(*self._now())
+
+    def _now(self) -> tuple[float, float, float]:
+        return float(self.time.value), float(self.window.value), float(self.times.value)
+
+
+def _box(runs: Sequence[Placed]) -> tuple[Any, Any]:
+    """The corners of what is shown."""
+    places = [
+        frame.act(np.concatenate([part.marks.places, *(way.places for way in part.ways)]))
+        for run in runs
+        for part, frame in zip(run.page.parts, run.frames, strict=True)
+    ]
+    every = np.concatenate(places)
+    return every.min(0), every.max(0)
