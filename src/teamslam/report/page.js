@@ -85,7 +85,8 @@
   const upper = (t, x) => { let a = 0, b = t.length; while (a < b) { const m = (a + b) >> 1; if (t[m] <= x) a = m + 1; else b = m; } return a; };
   const goTo = (t) => { state.time = Math.min(end, Math.max(begin, t)); $("slider").value = Math.round((1000 * (state.time - begin)) / span); clock(); draw(); };
   const clock = () => { $("clock").textContent = (data.counts ? "pose " : "") + short3(state.time) + (data.counts ? "" : " s"); };
-  const short3 = (x) => (data.counts ? x.toFixed(0) : x.toFixed(span < 100 ? 2 : 1));
+  const decimals = data.counts ? 0 : Math.max(0, Math.min(12, Math.ceil(3 - Math.log10(span))));
+  const short3 = (x) => x.toFixed(decimals);
   $("slider").addEventListener("input", () => { state.time = begin + (span * $("slider").value) / 1000; clock(); draw(); });
   let playing = null;
   const stop = () => { playing = null; $("play").textContent = "\u25b6"; };
@@ -138,12 +139,13 @@
     let w = 0, h = 0, touched = false; // whether the reader has moved it
     const along = (v, p, i) => v[0] * (p[3 * i] - cam.c[0]) + v[1] * (p[3 * i + 1] - cam.c[1]) + v[2] * (p[3 * i + 2] - cam.c[2]);
     const X = (p, i) => w / 2 + cam.scale * along(cam.r, p, i), Y = (p, i) => h / 2 - cam.scale * along(cam.u, p, i);
-    const clouds = () => [part.marks.p, ...part.ways.map((x) => x.p)];
+    const clouds = () => [part.marks.p, part.marks.second, ...part.ways.map((x) => x.p)];
 
     const box = () => { // what a view takes up across and upwards [m]
       const ends = [Infinity, -Infinity, Infinity, -Infinity];
       for (const p of clouds()) for (let i = 0; i < p.length / 3; i++) {
         const a = along(cam.r, p, i), b = along(cam.u, p, i);
+        if (!Number.isFinite(a)) continue;
         ends[0] = Math.min(ends[0], a); ends[1] = Math.max(ends[1], a); ends[2] = Math.min(ends[2], b); ends[3] = Math.max(ends[3], b);
       }
       return Number.isFinite(ends[0]) ? ends : [-1, 1, -1, 1];

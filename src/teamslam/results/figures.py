@@ -7,6 +7,7 @@ import numpy as np
 
 from teamslam.geometry import Array
 from teamslam.io.files.whole import whole_file
+from teamslam.model import index_of
 from teamslam.results.errors import error_tracks, truth_by_team
 from teamslam.results.record import Record
 from teamslam.results.residuals import LANDMARK
@@ -80,10 +81,19 @@ def scene_of(record: Record, number: int) -> Scene:
         covariances=regions,
         truth=None if record.truth is None else truth_by_team(submap, record.truth),
         sightings=record.sightings,
+        second=_second_places(record, number),
         method=record.method,
         title=headline(record, number),
         caption=errors_line(record.report["parts"][number]),
     )
+
+
+def _second_places(record: Record, number: int) -> dict[int, Array]:
+    """Where landmarks of a part could be as well, by key."""
+    submap = record.maps[number]
+    keys = {submap.names.landmark(int(index_of(key))): key for key in submap.landmark_keys.tolist()}
+    found = record.report["parts"][number].get("second_places", [])
+    return {keys[two["landmark"]]: np.array(two["position_m"]) for two in found if two["landmark"] in keys}
 
 
 def headline(record: Record, number: int = 0) -> str:

@@ -173,13 +173,12 @@ class _Seen:
 
 def _marks(scene: Scene) -> Marks:
     submap, keys = scene.map, scene.map.landmark_keys
-    second = np.full((len(keys), 3), np.nan)
     return Marks(
         names=[submap.names.landmark(int(key)) for key in keys],
         places=submap.all_values.positions(keys, 3),
         covariances=scene.regions(keys, 3)[1],
         truth=_truth(scene, keys),
-        second=second,
+        second=scene.second_places(keys),
     )
 
 

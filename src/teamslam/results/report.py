@@ -25,7 +25,7 @@ Its fields:
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
                                    alone status, cost, errors and exactness by the same names as here; `objective` of
-                                   its last solve
+                                   its last solve; `second_places` of landmarks that fit elsewhere nearly as well
     left_out                       what went in and is in no map, each with `kind` (piece, poses, landmark, rows),
                                    `what` it is, how many `poses`, `landmarks` and `rows` are lost with it, and the
                                    `reason`
@@ -54,7 +54,7 @@ from typing import Any
 
 from teamslam.joining import Component, Cost
 from teamslam.metrics import Report
-from teamslam.model import Dataset, LeftOut, is_landmark
+from teamslam.model import Dataset, LeftOut, index_of, is_landmark
 from teamslam.pipeline import Result
 from teamslam.trust import Verdict, sentence
 
@@ -138,6 +138,10 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
         "iterations": solution.iterations if solution else 0,
         **_errors(() if score is None else (score,)),
         "exactness": asdict(component.exactness) if component.exactness else None,
+        "second_places": [
+            {"landmark": map.names.landmark(int(index_of(key))), "position_m": place.tolist()}
+            for key, place in component.second_places
+        ],
     }
 
 

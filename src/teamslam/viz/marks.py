@@ -35,6 +35,12 @@ def draw_landmarks(axes: Any, scene: Scene, dim: int) -> None:
         true = scene.truth.positions(keys[there], dim)
         axes.plot(*true.T, ls="none", marker="D", ms=5.0 if many else 8.0, mfc="none", mec=TRUTH_COLOUR, mew=0.8,
                   zorder=7, label="landmark, truth")  # fmt: skip
+    second = scene.second_places(keys)[:, :dim]
+    if (two := np.isfinite(second).all(-1)).any():
+        ties = np.stack([places[two], second[two], np.full((int(two.sum()), dim), np.nan)], 1).reshape(-1, dim)
+        axes.plot(*ties.T, color=LANDMARK_COLOUR, lw=0.6, ls=(0, (1, 2)), zorder=6)
+        axes.plot(*second[two].T, ls="none", marker="D", ms=5.5, mfc="none", mec=LANDMARK_COLOUR, mew=0.9,
+                  zorder=7, label="landmark, second place")  # fmt: skip
     if not many and dim == 2:
         for key, place in zip(keys, places, strict=True):
             axes.annotate(name(scene.map.names.landmark(int(key))), place, xytext=(7, 6), textcoords="offset points",

@@ -18,7 +18,7 @@ class Scene:
 
     `map`: the estimate. `covariances`: marginal covariance of a variable by key, in the frame of the map, any subset.
     `truth`: values in the frame of the map, any subset. `sightings` (n, 2): pairs of pose keys, observer and observed.
-    `method` as in the options; `caption`: a line of figures under the title.
+    `method` as in the options; `caption`: a line of figures under the title. `second`: where else landmarks could be.
     """
 
     map: Submap
@@ -28,6 +28,7 @@ class Scene:
     method: str = "join"
     title: str = ""
     caption: str = ""
+    second: Mapping[int, Array] = field(default_factory=dict)
 
     @property
     def robots(self) -> tuple[int, ...]:
@@ -72,6 +73,14 @@ class Scene:
         """Whether any region is drawn: of landmarks, and seen from above of the robots' starts too."""
         starts = [] if dim > 2 else [self.map.trajectory_keys(robot)[0] for robot in self.robots]
         return any(int(key) in self.covariances for key in (*self.map.landmark_keys, *starts))
+
+    def second_places(self, keys: IntArray) -> Array:
+        """Where landmarks (n,) could be as well (n, 3), nan where there is no such place."""
+        found = np.full((len(keys), 3), np.nan)
+        for n, key in enumerate(keys.tolist()):
+            if key in self.second:
+                found[n] = np.pad(self.second[key], (0, 3 - len(self.second[key])))
+        return found
 
     def extent(self, dim: int) -> float:
         """The longest side of the map [m]."""

@@ -43,6 +43,11 @@ def test_a_straight_drive_leaves_the_side_open(method: str) -> None:
         for place in (here, there):
             np.testing.assert_allclose(np.abs(place), np.abs(places[int(mark)]), atol=8.0 * SIGMA)
         assert here[1] * there[1] < 0.0
+    (component,) = joined.components
+    assert {key for key, _ in component.second_places} == set(component.map.landmark_keys.tolist())
+    for key, place in component.second_places:
+        here = component.map.values.positions(np.array([key]), 2)[0]
+        np.testing.assert_allclose(place * [1.0, -1.0], here, atol=8.0 * SIGMA)
 
 
 def test_what_is_above_a_plane_or_below_it_is_said_once() -> None:
@@ -53,6 +58,7 @@ def test_what_is_above_a_plane_or_below_it_is_said_once() -> None:
     log = drive(way, marks, np.random.default_rng(3))
     joined = accounted(log, join([build(piece) for piece in split(log)]))
     (sentence,) = joined.remarks
+    assert joined.components[0].second_places == ()
     assert sentence.startswith("landmark 0, landmark 1: ranges from robots of a plane leave open")
     assert (
         sentence.endswith("the map says above")

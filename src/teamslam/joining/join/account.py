@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
-from teamslam.joining.join.second_places import second_places
+from teamslam.joining.join.second_places import second_places, sentences, undecided
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import (
     WORLD,
@@ -58,8 +58,12 @@ def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> 
     left_out = tuple(_Books(log, [c.map for c in joined.components]).entries(unbuilt))
     silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
     remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
-    remarks += [sentence for c in joined.components for sentence in second_places(c.map, log.tables)]
-    return replace(joined, left_out=left_out, remarks=(*joined.remarks, *remarks))
+    twofold = [second_places(c.map, log.tables) for c in joined.components]
+    for component, found in zip(joined.components, twofold, strict=True):
+        remarks += sentences(component.map, found)
+    pairs = zip(joined.components, twofold, strict=True)
+    components = tuple(replace(component, second_places=tuple(undecided(found))) for component, found in pairs)
+    return replace(joined, components=components, left_out=left_out, remarks=(*joined.remarks, *remarks))
 
 
 def accounted_raw(submaps: Iterable[Submap], joined: Joined) -> Joined:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import ModelError, SolveError
-from teamslam.geometry import Pose
+from teamslam.geometry import Array, Pose
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.held import held
 from teamslam.joining.join.interiors import Member, members_of
@@ -58,13 +58,15 @@ class Exactness:
 class Component:
     """Submaps that could be joined: their `map`, the solver's account (None for a submap left alone), their ids, and
     after an exact join how exact it is. `dearer`: how much more than the map other ways to put the submaps together (a
-    mirrored truss) cost, as far as the join of the submaps tells."""
+    mirrored truss) cost, as far as the join of the submaps tells. `second_places`: landmarks, by key, that could be
+    elsewhere too, and where, in the frame of the map, as far as the log is at hand."""
 
     map: Submap
     solution: Solution | None
     members: tuple[str, ...]
     exactness: Exactness | None = None
     dearer: tuple[float, ...] = ()
+    second_places: tuple[tuple[int, Array], ...] = ()
 
     @property
     def ambiguities(self) -> tuple[str, ...]:
