@@ -7,6 +7,8 @@
     team = ts.join(submaps)
     print(ts.score(team.map, dataset.truth))
 
+    team.landmark("7"), team.trajectory("1"), team.covariance("7", "1@first")     # asked by name
+
 | name                          | what it is                                                            |
 |-------------------------------|-----------------------------------------------------------------------|
 | read, write                   | logs from and to files: read(path) -> Dataset                         |
@@ -17,6 +19,8 @@
 | score                         | a map against the truth                                               |
 | verdict                       | whether the model fits the log, and if not, what it looks like        |
 | run, Config                   | all of this in one call, and its options                              |
+| plot                          | a figure of a map                                                     |
+| write_run, read_run           | a run as a folder of files, and back                                  |
 | Dataset, Table, Values        | what was seen, and estimates                                          |
 | Submap, Joined, Covariances   | maps, what a join gives, and how sure it is                           |
 | Verdict                       | how well a map fits, in all and part by part                          |
@@ -43,6 +47,7 @@ if TYPE_CHECKING:
     from teamslam.metrics import score
     from teamslam.model import Dataset, Loss, Submap, Table, Values
     from teamslam.pipeline import run
+    from teamslam.results import plot, read_run, write_run
     from teamslam.sim import simulate
     from teamslam.solver import Covariances
     from teamslam.trust import Verdict, verdict
@@ -62,7 +67,9 @@ __all__ = [
     "build",
     "full",
     "join",
+    "plot",
     "read",
+    "read_run",
     "read_submaps",
     "run",
     "score",
@@ -70,6 +77,7 @@ __all__ = [
     "split",
     "verdict",
     "write",
+    "write_run",
     "write_submaps",
 ]
 
@@ -82,6 +90,7 @@ _HOMES = {
     "teamslam.metrics": ("score",),
     "teamslam.model": ("Dataset", "Loss", "Submap", "Table", "Values"),
     "teamslam.pipeline": ("run",),
+    "teamslam.results": ("plot", "read_run", "write_run"),
     "teamslam.sim": ("simulate",),
     "teamslam.solver": ("Covariances",),
     "teamslam.trust": ("Verdict", "verdict"),

@@ -12,8 +12,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+from teamslam.answers import Answers, ResidualTable
+from teamslam.answers.maps_card import facts_of, maps_card
 from teamslam.config import Config
 from teamslam.errors import InputError, SolveError
+from teamslam.io import read
 from teamslam.joining import (
     ORDERS,
     AtMap,
@@ -30,10 +33,10 @@ from teamslam.joining import (
     with_exactness,
 )
 from teamslam.metrics import Report, score
-from teamslam.model import Dataset, Sources, Submap, Values
+from teamslam.model import Dataset, Sources, Submap, Values, a_kind
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options, each_side_by_side, meanwhile
-from teamslam.trust import Verdict, explained, verdict, with_plain_reasons
+from teamslam.trust import Verdict, explained, sentence, verdict, with_plain_reasons
 from teamslam.wire.pieces import write_pieces
 
 T = TypeVar("T")
@@ -45,8 +48,8 @@ LONG = 5000  # rows of a piece from which on its computing outweighs the Python 
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A finished run: what went in, what came out, how long each stage took [s].
+class Result(Answers):
+    """A finished run, asked by name (see `teamslam.answers`): what went in, what came out, seconds of each stage.
 
     `map` is the first component: the one of the lowest robot. `covariances`, `costs` and `scores` have those of each;
     a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
@@ -68,16 +71,46 @@ class Result:
         """The joined map."""
         return self.joined.map
 
+    @property
+    def maps(self) -> tuple[Submap, ...]:
+        """One for each component."""
+        return self.joined.maps
+
+    @property
+    def truth(self) -> Values | None:
+        """What the log knows of the truth."""
+        return self.dataset.truth
+
+    def residuals(self) -> ResidualTable:
+        """How far every row of the log is off at the maps."""
+        return self.joined.residuals()
+
+    def __repr__(self) -> str:
+        return f"Result({'; '.join(value for _, value in self._facts())}; {sentence(self.verdict)})"
+
+    def _repr_html_(self) -> str:
+        scores = [(f"errors{_part(n, self.scores)}", found.headline) for n, found in enumerate(self.scores, 1)]
+        facts = [*self._facts(), *scores, ("took", f"{sum(self.seconds.values()):.1f} s")]
+        return maps_card(self.dataset.origin or "A team's map", self, facts, sentence(self.verdict))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [*facts_of(self), ("state", "converged" if self.joined.converged else "not converged")]
+
+
+def _part(number: int, of: Sequence[object]) -> str:
+    return f", part {number}" if len(of) > 1 else ""
+
 
 def run(
-    dataset: Dataset,
+    dataset: Dataset | str | Path,
     config: Config = DEFAULTS,
     progress: Progress | None = None,
     *,
     workers: Workers | None = None,
     work: Path | None = None,
 ) -> Result:
-    """Map a team's log by submap joining or by full least squares, as `config.method` says.
+    """Map a team's log by submap joining or by full least squares, as `config.method` says. `dataset` is a log, or the
+    file or folder that one lies in, read with `config.read`.
 
     With `workers`, submaps are built and joined on them, by a tree; what they make lies in the folder `work`, from
     which an interrupted run goes on (None: a folder that is gone afterwards).
@@ -87,6 +120,7 @@ def run(
     if workers is not None:
         refuse_workers(config)
     clock = Clock(progress)
+    dataset = _log_in(dataset, config)
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     try:
         pieces, submaps, joined = _solved(log, config, workers, work, clock)
@@ -110,6 +144,15 @@ def run(
     except SolveError as error:  # a map that has no covariances
         raise explained(error, log) from None
     return Result(config, dataset, submaps, joined, covariances, tuple(costs), judged, scores, clock.stop())
+
+
+def _log_in(given: Dataset | str | Path, config: Config) -> Dataset:
+    """The log that is given, or lies there. InputError in words for anything else."""
+    if isinstance(given, str | Path):
+        return read(given, None, **config.read)
+    if not isinstance(given, Dataset):
+        raise InputError(f"expected a log (a Dataset, or the path of one), found {a_kind(given)}")
+    return given
 
 
 def _solved(

@@ -1,7 +1,7 @@
 """Rotations, poses and rigid fits, for any batch shape, in the plane and in space."""
 
 from teamslam.geometry.align import Fit, align
-from teamslam.geometry.arrays import AnyArray, Array, BoolArray, IntArray
+from teamslam.geometry.arrays import AnyArray, Array, BoolArray, IntArray, seal
 from teamslam.geometry.pose import Pose, concatenate, directions, lift_points, lift_tangent, rotations
 from teamslam.geometry.s2 import direction_basis
 
@@ -19,4 +19,5 @@ __all__ = [
     "lift_points",
     "lift_tangent",
     "rotations",
+    "seal",
 ]

@@ -52,6 +52,11 @@ class Pose:
             )
         rotations(self.dim)
 
+    def __repr__(self) -> str:
+        if self.batch:
+            return f"Pose({' x '.join(map(str, self.batch))} of {'the plane' if self.dim == 2 else 'space'})"
+        return f"Pose({', '.join(f'{number:.6g}' for number in self.numbers().tolist())})"
+
     # --- making poses -------------------------------------------------------------------------------------------
 
     @classmethod

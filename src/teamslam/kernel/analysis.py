@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from teamslam.errors import ModelError, SolveError
-from teamslam.kernel.library import floats, integers, library
+from teamslam.kernel.library import InKernel, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
 ORDERINGS = ("automatic", "minimum_degree", "nested_dissection", "geometric", "natural")
@@ -16,7 +16,7 @@ POSITIONS_HELP_FROM = 2500
 """Variables: smaller problems are ordered without regard to where things are."""
 
 
-class Analysis:
+class Analysis(InKernel):
     """What factors of one pattern have in common: the order of elimination and all indices. Made once, shared freely.
 
     `ordering` is a name of ORDERINGS; positions (n, 3) help it from POSITIONS_HELP_FROM on. `last` names variables that

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.kernel.analysis import ORDERINGS, Analysis
-from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
+from teamslam.kernel.library import Floats, InKernel, Integers, checked, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
 
@@ -34,7 +34,7 @@ class Statistics:
     ordering: str
 
 
-class Factor:
+class Factor(InKernel):
     """The Cholesky factor of matrices of one pattern: analysed once, factorised as often as wanted.
 
     `structure` is the pattern, or an analysis of it to share. Nothing is regularised: NotPositiveDefinite names the

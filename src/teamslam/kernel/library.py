@@ -4,7 +4,7 @@ import ctypes
 import os
 from ctypes import c_char_p, c_double, c_int32, c_int64, c_void_p
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -185,3 +185,10 @@ def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
         if want is not None and want != have:
             return False
     return True
+
+
+class InKernel:
+    """What lives in the kernel under a pointer: a copy of the pointer would outlive it, so there is none."""
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(f"a kernel's {type(self).__name__} cannot be copied or pickled; make another of its pattern")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from teamslam.errors import ModelError
-from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
+from teamslam.kernel.library import Floats, InKernel, Integers, checked, floats, integers, library
 from teamslam.kernel.pattern import BlockPattern
 
 # Names in the order of the kernel's numbers (cpp/models.hpp, cpp/losses.hpp, cpp/curvature.hpp).
@@ -25,7 +25,7 @@ T = TypeVar("T")
 Blocks = Mapping[int, tuple[ArrayLike, ArrayLike, float]]
 
 
-class Problem:
+class Problem(InKernel):
     """Variables (`kinds` (n,), those that are `fixed` (n,) held constant and absent from H) and terms.
 
     All terms are added before the first use, which fixes the structure. Methods raise ModelError for what does not

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from teamslam.errors import in_words
 from teamslam.geometry import Array, IntArray, Pose, align
 from teamslam.metrics.frames import Aligned, truth_at_base
 from teamslam.model import Kind, Layout, Names, Submap, Values, index_of, is_landmark, is_pose, robot_of
@@ -69,6 +70,9 @@ class Track:
     position_m: Array
     turn_rad: Array
 
+    def __repr__(self) -> str:
+        return f"Track(robot {in_words(self.robot)}: {len(self.stamps_s):,} poses)"
+
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
@@ -84,6 +88,9 @@ class Accuracy:
     robots: tuple[RobotErrors, ...]
     pairs: tuple[PairErrors, ...]
     tracks: tuple[Track, ...]
+
+    def __repr__(self) -> str:
+        return f"Accuracy({self.poses:,} poses of {len(self.robots)} robots and {self.landmarks:,} landmarks compared)"
 
 
 def accuracy(aligned: Aligned, names: Names) -> Accuracy:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from teamslam.cards import card, curves
 from teamslam.errors import in_words
 from teamslam.geometry import Pose
 from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
@@ -48,6 +49,26 @@ class Report:
     def tracks(self) -> tuple[Track, ...]:
         """Errors over time, robot by robot."""
         return self.accuracy.tracks if self.accuracy else ()
+
+    @property
+    def headline(self) -> str:
+        """The errors in one line, or why there are none."""
+        found = (("robots' positions", self.robot_position_rmse_m), ("landmarks", self.landmark_rmse_m))
+        said = [f"{what} {value:.4f} m" for what, value in found if value is not None]
+        honest = "" if self.nees_per_dof is None else f"; NEES / dof {self.nees_per_dof:.3f}"
+        return f"RMSE of {', of '.join(said)}{honest}" if said else self.note or "nothing to compare"
+
+    def __repr__(self) -> str:
+        return f"Report({in_words(self.map)}: {in_words(self.headline)})"
+
+    def _repr_html_(self) -> str:
+        scored = self.accuracy
+        robots = () if scored is None else scored.robots
+        facts = [
+            (f"robot {r.robot}", f"RMSE {_number(r.position_rmse_m)} m, ATE {_number(r.ate_rmse_m)} m") for r in robots
+        ]
+        picture = curves([(track.stamps_s, track.position_m) for track in self.tracks])
+        return card(f"Errors of map {self.map}", facts, picture=picture, sentence=self.headline)
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON: numbers, words, lists and null. Errors over time are left out."""

@@ -1,7 +1,18 @@
 """The nouns: what was seen (`Dataset`, `Table`), what is believed (`Values`, `Submap`), and what they are called."""
 
 from teamslam.model.account import LeftOut
-from teamslam.model.chi_square import chi2_quantile
+from teamslam.model.asked import (
+    Asked,
+    a_kind,
+    is_whole,
+    key_asked,
+    landmark_asked,
+    nearest,
+    pose_asked,
+    robot_asked,
+    robot_names,
+)
+from teamslam.model.chi_square import chi2_quantile, region_of
 from teamslam.model.dataset import Dataset, Dropped
 from teamslam.model.keys import (
     WORLD,
@@ -27,6 +38,7 @@ __all__ = [
     "MODELS",
     "SQUARED",
     "WORLD",
+    "Asked",
     "Dataset",
     "Dropped",
     "Kind",
@@ -41,18 +53,27 @@ __all__ = [
     "Submap",
     "Table",
     "Values",
+    "a_kind",
     "among",
     "chi2_quantile",
     "index_of",
     "is_landmark",
     "is_pose",
+    "is_whole",
+    "key_asked",
+    "landmark_asked",
     "landmark_key",
     "landmark_number",
+    "nearest",
     "pack",
     "point_kind",
+    "pose_asked",
     "pose_key",
     "pose_kind",
     "ranks",
+    "region_of",
+    "robot_asked",
+    "robot_names",
     "robot_of",
     "rows_of",
     "unpack",

@@ -8,6 +8,7 @@ Each is left out once, with the reason in words.
 
 from dataclasses import dataclass
 
+from teamslam.errors import in_words
 from teamslam.geometry import IntArray
 from teamslam.model.submap import Sources
 
@@ -23,3 +24,6 @@ class LeftOut:
     rows: Sources
     count: int
     reason: str
+
+    def __repr__(self) -> str:
+        return f"LeftOut({in_words(self.what)}: {in_words(self.reason)[:120]})"

@@ -20,3 +20,10 @@ def chi2_quantile(share: float, dof: int | AnyArray) -> float | Array:
 
     found = 2.0 * gammaincinv(0.5 * np.asarray(dof), share)
     return float(found) if np.ndim(found) == 0 else np.asarray(found)
+
+
+def region_of(covariance: Array, confidence: float) -> tuple[Array, Array]:
+    """Radii (..., d), rising, and axes (..., d, d), in columns, of the region that holds a Gaussian of `covariance`
+    (..., d, d) with `confidence`."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.sqrt(np.maximum(values, 0.0) * chi2_quantile(confidence, covariance.shape[-1])), vectors

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from teamslam.cards import card
 from teamslam.errors import ModelError
 from teamslam.geometry import IntArray
 from teamslam.model.keys import Names, is_landmark, is_pose, robot_of
@@ -83,6 +84,22 @@ class Dataset:
         known += [f"{len(self.landmark_keys):,} landmarks", f"{sum(map(len, self.tables)):,} rows"]
         known += ["with truth"] * (self.truth is not None) + [f"from {self.origin}"] * bool(self.origin)
         return f"Dataset({', '.join(known)})"
+
+    def _repr_html_(self) -> str:
+        from teamslam.model.portrait import log_portrait
+
+        poses, rows = sum(map(len, self.pose_keys.values())), sum(map(len, self.tables))
+        named = ", ".join(self.names.robot(robot) for robot in sorted(self.robots))
+        facts = [
+            ("robots", f"{len(self.robots)}: {named}"),
+            ("poses", f"{poses:,}"),
+            ("landmarks", f"{len(self.landmark_keys):,}"),
+            ("rows", f"{rows:,} in {len(self.tables)} tables"),
+            ("truth", "no" if self.truth is None else f"of {len(self.truth):,} variables"),
+            *(("dropped", f"{dropped.count:,}: {dropped.reason}") for dropped in self.dropped),
+            *(("read", note) for note in self.notes),
+        ]
+        return card(self.origin or "A team's log", facts, picture=log_portrait(self.tables, self.names))
 
     def robot_kinds(self, robots: IntArray) -> IntArray:
         """The kind of pose of each robot number."""

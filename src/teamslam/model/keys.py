@@ -85,6 +85,10 @@ class Names:
     landmarks: Mapping[int, str] = field(default_factory=dict)
     tick_s: float = 1e-6
 
+    def __repr__(self) -> str:
+        tick = "" if self.tick_s == 1e-6 else f", a tick of {self.tick_s:g} s"
+        return f"Names({len(self.robots)} robots, {len(self.landmarks):,} landmarks{tick})"
+
     @property
     def counts(self) -> bool:
         """True where poses are only counted, and no stamp is a time."""

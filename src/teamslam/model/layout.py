@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, BoolArray, IntArray
+from teamslam.geometry import AnyArray, BoolArray, IntArray, seal
 
 
 class Kind(IntEnum):
@@ -91,6 +91,7 @@ class Layout:
         if len(self.keys) > 1 and (np.diff(self._sorted) == 0).any():
             twice = int(self._sorted[:-1][np.diff(self._sorted) == 0][0])
             raise ModelError(f"variable {twice} appears as two kinds")
+        seal(self, "keys", "kinds")
 
     @classmethod
     def of(cls, keys: AnyArray, kinds: AnyArray) -> "Layout":
@@ -174,6 +175,7 @@ class Layout:
         """The layout of the variables where mask (n,) is true."""
         part = Layout.__new__(Layout)  # in order and unique as the whole is
         part.__dict__.update(keys=self.keys[mask], kinds=self.kinds[mask])
+        seal(part, "keys", "kinds")
         return part
 
     def union(self, *others: "Layout") -> "Layout":

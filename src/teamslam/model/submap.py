@@ -17,6 +17,7 @@ from typing import Any, NoReturn, overload
 import numpy as np
 import scipy.sparse as sp
 
+from teamslam.cards import card
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
@@ -37,6 +38,11 @@ class Stretch:
 
 class Sources(frozenset[Stretch]):
     """Which rows of which logs: a set of disjoint stretches."""
+
+    def __repr__(self) -> str:
+        return (
+            f"Sources({sum(s.stop - s.start for s in self):,} rows of {len({(s.robot, s.source) for s in self})} logs)"
+        )
 
     @classmethod
     def of(cls, tables: Iterable[Table]) -> "Sources":
@@ -144,6 +150,22 @@ class Submap:
             f", {waiting:,} raw rows)" if waiting else ")"
         )
 
+    def _repr_html_(self) -> str:
+        from teamslam.model.portrait import portrait
+
+        frame = self.names.describe(self.base)
+        poses, marks = int(is_pose(self.keys).sum()), len(self.landmark_keys)
+        facts = [
+            ("version", str(self.version)),
+            ("frame", frame),
+            ("holds", f"{poses:,} poses, {marks:,} landmarks"),
+            ("made of", f"{self.rows:,} numbers measured, cost {self.cost:.6g}"),
+            *([("raw rows", f"{sum(map(len, self.raw)):,}")] if self.raw else []),
+        ]
+        return card(
+            f"Submap {self.id}", facts, picture=portrait(self.values if self.base == WORLD else self.all_values)
+        )
+
     def checked(self, information: sp.csr_array) -> sp.csr_array:
         """The information, if it fits the unknowns; else ModelError."""
         n = self.dof
@@ -181,6 +203,18 @@ class Submap:
         """The estimate with the base pose itself, which is the identity."""
         base = Values.of({pose_kind(self.base_dim): (np.array([self.base]), Pose.identity(self.base_dim, (1,)))})
         return base.update(self.values)
+
+    def rows_of(self, table: Table) -> BoolArray:
+        """Which rows (m,) of a table it was made of: those of its sources that do not wait for a variable that it
+        lacks, or for the world's frame. A row may speak of what a map knows and yet not be in it, as the rows of a
+        piece that no submap could be built of."""
+        mine = self.sources.rows_of(table)
+        if self.base != WORLD and table.row.unary:
+            mine[:] = False
+        if mine.any():
+            layout = self.values.layout if self.base == WORLD else self.all_values.layout
+            mine[mine] = (table if mine.all() else table.select(mine)).told_by(layout)
+        return mine
 
     def trajectory_keys(self, robot: int) -> IntArray:
         """The keys of one robot's poses in time order, the base among them where it is the robot's."""

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, seal
 from teamslam.model.keys import is_landmark, is_pose, robot_of
 from teamslam.model.layout import Kind, Layout
 from teamslam.model.losses import SQUARED, Loss
@@ -66,6 +66,7 @@ class Table:
             if not np.isfinite(numbers).all():
                 raise ModelError(f"{self.source} ({self.model}): {name} hold a number that is not finite")
         self._check_sensor()
+        seal(self, "keys", "values", "whitening", "ids")
 
     def _check_sensor(self) -> None:
         if self.sensor is None:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from teamslam.cards import card
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, seal
 from teamslam.model.layout import KIND_SIZE, Kind, Layout, rows_of
 
 
@@ -24,9 +25,16 @@ class Values:
     def __post_init__(self) -> None:
         if self.state.shape != (int(self.layout.state_start[-1]),):
             raise ModelError(f"the layout needs {int(self.layout.state_start[-1])} numbers, found {self.state.shape}")
+        seal(self, "state")
 
     def __repr__(self) -> str:
         return repr(self.layout).replace("Layout", "Values", 1)
+
+    def _repr_html_(self) -> str:
+        from teamslam.model.portrait import portrait
+
+        counts = [(kind.name.lower(), f"{len(keys):,}") for kind, keys, _ in self.parts()]
+        return card(f"Values of {len(self):,} variables", counts, picture=portrait(self))
 
     @classmethod
     def of(cls, parts: dict[Kind, tuple[IntArray, Pose | Array]]) -> "Values":

@@ -3,6 +3,7 @@
 from teamslam.results.drawing import draw_record, drawing
 from teamslam.results.figures import figures_of
 from teamslam.results.folder import read_run, with_residuals, write_record, write_run
+from teamslam.results.plotting import plot
 from teamslam.results.record import Record
 from teamslam.results.whole import is_run, made_folder, refuse_to_overwrite, whole_folder
 
@@ -13,6 +14,7 @@ __all__ = [
     "figures_of",
     "is_run",
     "made_folder",
+    "plot",
     "read_run",
     "refuse_to_overwrite",
     "whole_folder",

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from teamslam.answers.residuals import LANDMARK
 from teamslam.geometry import Array
 from teamslam.io.files.whole import whole_file
-from teamslam.model import index_of
+from teamslam.model import Submap, index_of
 from teamslam.results.errors import error_tracks, truth_by_team
 from teamslam.results.record import Record
-from teamslam.results.residuals import LANDMARK
+from teamslam.solver import Covariances
 from teamslam.viz import (
     ResidualTrack,
     Scene,
@@ -48,14 +49,12 @@ def figures_of(record: Record) -> "dict[str, Figure]":
 
 def _residuals(record: Record) -> "dict[str, Figure]":
     """Over time, and by landmark."""
-    if not record.residuals:
+    if not record.rows:
         return {}
     names = record.maps[0].names
-    stamps = [r.stamp_s for r in record.residuals]
+    stamps = [r.stamp_s for r in record.rows]
     start_s = float(np.nanmin(np.concatenate(stamps))) if not names.counts else 0.0
-    tracks = [
-        ResidualTrack(r.robot, r.source, r.stamp_s - start_s, r.size, r.target, r.targets) for r in record.residuals
-    ]
+    tracks = [ResidualTrack(r.robot, r.source, r.stamp_s - start_s, r.size, r.target, r.targets) for r in record.rows]
     look = {"caption": headline(record).partition(", part")[0]}
     figures = {"residuals": draw_residuals(tracks, time="pose" if names.counts else "time [s]", **look)}
     of_landmarks = [track for track in tracks if all(target.startswith(LANDMARK) for target in track.targets)]
@@ -73,12 +72,9 @@ def save(figure: "Figure", path: Path, *, dpi: float | None = None) -> None:
 def scene_of(record: Record, number: int) -> Scene:
     """The scene of one component's map, with regions of its landmarks and of the robots' first poses."""
     submap = record.maps[number]
-    starts = [int(submap.trajectory_keys(robot)[0]) for robot in submap.robots_in_it]
-    keys = np.array([k for k in [*submap.landmark_keys.tolist(), *starts] if k != submap.base], np.int64)
-    regions: dict[int, Array] = dict(zip(keys.tolist(), record.covariances[number].blocks(keys), strict=True))
     return Scene(
         map=submap,
-        covariances=regions,
+        covariances=regions_of(submap, record.covariances[number]),
         truth=None if record.truth is None else truth_by_team(submap, record.truth),
         sightings=record.sightings,
         second=_second_places(record, number),
@@ -94,6 +90,13 @@ def _second_places(record: Record, number: int) -> dict[int, Array]:
     keys = {submap.names.landmark(int(index_of(key))): key for key in submap.landmark_keys.tolist()}
     found = record.report["parts"][number].get("second_places", [])
     return {keys[two["landmark"]]: np.array(two["position_m"]) for two in found if two["landmark"] in keys}
+
+
+def regions_of(submap: Submap, covariances: Covariances) -> dict[int, Array]:
+    """The covariances of a map's landmarks and of its robots' first poses, but for the one that is its frame."""
+    starts = [int(submap.trajectory_keys(robot)[0]) for robot in submap.robots_in_it]
+    keys = np.array([k for k in [*submap.landmark_keys.tolist(), *starts] if k != submap.base], np.int64)
+    return dict(zip(keys.tolist(), covariances.blocks(keys), strict=True))
 
 
 def headline(record: Record, number: int = 0) -> str:

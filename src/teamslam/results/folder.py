@@ -129,7 +129,7 @@ def with_residuals(record: Record, folder: str | Path) -> Record:
     another's."""
     path = Path(folder) / "residuals.csv"
     try:
-        return replace(record, residuals=read_residuals(path)) if path.exists() else record
+        return replace(record, rows=read_residuals(path)) if path.exists() else record
     except (ValueError, csv.Error, StopIteration) as error:
         raise InputError(f"not a table of residuals: {error}", path=path) from None
 
@@ -186,7 +186,7 @@ FILES: dict[str, Callable[[Record, Path], object]] = {
     "trajectories.csv": write_trajectory_table,
     "landmarks.csv": write_landmarks,
     "team.csv": write_team,
-    "residuals.csv": lambda record, path: write_residuals(record.residuals, path),
+    "residuals.csv": lambda record, path: write_residuals(record.rows, path),
     "history.csv": lambda record, path: write_histories(record.histories, path),
     "log.npz": _write_log,
     "tum": _write_tum,

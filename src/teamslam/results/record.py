@@ -10,17 +10,20 @@ from typing import Any
 
 import numpy as np
 
+from teamslam.answers import Answers, Residuals, ResidualTable
+from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.model import Dataset, Submap, Values
 from teamslam.pipeline import Result
 from teamslam.results.report import report_of
-from teamslam.results.residuals import Residuals, residuals_of
+from teamslam.results.residuals import residuals_of
 from teamslam.solver import Covariances, Step
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
-    """A run as it is kept. `truth` is in the world's frame, `sightings` (n, 2) are pairs of pose keys."""
+class Record(Answers):
+    """A run as it is kept, asked by name (see `teamslam.answers`). `truth` is in the world's frame, `sightings` (n, 2)
+    are pairs of pose keys; `rows` what every row of the log leaves at the map."""
 
     maps: tuple[Submap, ...]
     covariances: tuple[Covariances, ...]
@@ -28,7 +31,7 @@ class Record:
     sightings: IntArray
     histories: tuple[tuple[Step, ...], ...]
     report: Mapping[str, Any] = field(default_factory=dict)
-    residuals: tuple[Residuals, ...] = ()
+    rows: tuple[Residuals, ...] = ()
 
     @classmethod
     def of(cls, result: Result) -> "Record":
@@ -41,8 +44,17 @@ class Record:
             sightings=robot_sightings(result.dataset),
             histories=tuple(c.solution.history if c.solution else () for c in components),
             report=report_of(result),
-            residuals=residuals_of(result.verdict),
+            rows=residuals_of(result.verdict),
         )
+
+    def residuals(self) -> ResidualTable:
+        """How far every row of the log is off. InputError where the run was read back without them."""
+        if not self.rows:
+            raise InputError("no residuals are at hand: with_residuals(run, folder) reads those that lie in its folder")
+        return ResidualTable(self.rows)
+
+    def __repr__(self) -> str:
+        return f"Record({self.report.get('status', 'a run')} {len(self.maps)} map{'s' * (len(self.maps) != 1)})"
 
     def with_covariances(self) -> "Record":
         """Itself, the covariances of all variables at hand: made once, before several ask at a time."""

@@ -13,18 +13,20 @@ u_1, u_2, ...     the whitened residual W e, e = z (-) h, in the order of the mo
 import csv
 import io
 from collections.abc import Iterable, Sequence
+<<<<<<< HEAD
 from dataclasses import dataclass
 from functools import cached_property
+=======
+>>>>>>> 5ff72c6 (Maps answer by name: trajectories, landmarks, covariances, residuals)
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray
+from teamslam.answers.residuals import Residuals, residuals_in_words
 from teamslam.io.files.letters import Letters, integers, lines, significant, spelled, words
-from teamslam.model import Names, index_of, is_landmark, robot_of
 from teamslam.trust import Verdict
 
+<<<<<<< HEAD
 LANDMARK = "landmark "  # what a target that is one begins with
 
 
@@ -49,35 +51,16 @@ class Residuals:
         """The length of each residual over the root of its numbers (m,): about 1 where the model is right."""
         return np.asarray(np.sqrt(np.mean(self.whitened**2, -1)))
 
+=======
+>>>>>>> 5ff72c6 (Maps answer by name: trajectories, landmarks, covariances, residuals)
 
 def residuals_of(verdict: Verdict) -> tuple[Residuals, ...]:
     """What a verdict rests on, in words and stamps."""
-    names = verdict.names
     return tuple(
-        Residuals(
-            component=component,
-            robot=names.robot(rows.table.robot),
-            source=rows.table.source,
-            model=rows.table.model,
-            row=rows.table.ids,
-            stamp_s=np.where(rows.observers > 0, names.stamps_s(rows.observers), np.nan),
-            **_targets(rows.table.keys[:, -1], names),
-            weight=rows.weight,
-            whitened=rows.whitened,
-        )
+        residuals_in_words(component, rows.table, rows.whitened, rows.weight, verdict.names)
         for component, part in enumerate(verdict.parts, start=1)
         for rows in part.rows
     )
-
-
-def _targets(keys: IntArray, names: Names) -> dict[str, Any]:
-    """Landmarks, and the robots that poses belong to, in words."""
-    known, which = np.unique(np.where(is_landmark(keys), keys, -robot_of(keys)), return_inverse=True)
-
-    def word(n: int) -> str:
-        return f"{LANDMARK}{names.landmark(int(index_of(n)))}" if n >= 0 else f"robot {names.robot(-n)}"
-
-    return {"target": np.asarray(which), "targets": tuple(map(word, known.tolist()))}
 
 
 def write_residuals(residuals: Sequence[Residuals], path: Path) -> None:

@@ -9,22 +9,16 @@ its covariance is 0.
 import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
 
+from teamslam.answers.columns import POSE_COLUMNS, POSE_ERRORS, triangle
 from teamslam.geometry import Array, IntArray, lift_tangent
 from teamslam.io.files.text import rows_of_text
 from teamslam.model import Kind, Submap, index_of, pose_kind
 from teamslam.results.record import Record
 from teamslam.solver import Covariances, Step
-
-POSE_ERRORS = {2: ("x", "y", "heading"), 3: ("x", "y", "z", "rx", "ry", "rz")}
-POSE_COLUMNS = {
-    2: ("x_m", "y_m", "heading_rad"),
-    3: ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"),
-}
 
 
 def write_trajectory_table(record: Record, path: Path) -> None:
@@ -164,10 +158,6 @@ def _upper(blocks: Array) -> Array:
     """The upper triangles (n, k) of matrices (n, d, d)."""
     rows, columns = np.triu_indices(blocks.shape[-1])
     return np.asarray(blocks[:, rows, columns])
-
-
-def triangle(names: Sequence[str]) -> list[str]:
-    return [f"cov_{a}_{b}" for a, b in combinations_with_replacement(names, 2)]
 
 
 def _cells(cells: Sequence[object]) -> str:

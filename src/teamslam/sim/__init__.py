@@ -3,10 +3,14 @@
 simulate(Options(space="3d", robots=5, poses=200), seed=7)
 simulate(PaperOptions("minimum", poses=12), seed=7)          # the paper's section 3.1
 simulate("mixed", seed=7)                                    # a row of PRESETS
+simulate("2d", robots=5, landmarks=40)                       # a row of PRESETS with other options
 """
 
+from dataclasses import fields, replace
+from typing import Any
+
 from teamslam.errors import InputError
-from teamslam.model import Dataset
+from teamslam.model import Dataset, a_kind, is_whole, nearest
 from teamslam.sim.motion import PATHS, Arena, drive
 from teamslam.sim.noise import NOISES, Noise
 from teamslam.sim.paper import NOISE_LEVELS, SCENARIOS, PaperOptions, simulate_paper
@@ -29,6 +33,7 @@ __all__ = [
     "Robot",
     "Sensor",
     "World",
+    "changed",
     "drive",
     "observe",
     "simulate",
@@ -49,15 +54,31 @@ PRESETS: dict[str, Options | PaperOptions] = {
 }
 
 
-def simulate(options: Options | PaperOptions | str = "planar", seed: int = 0) -> Dataset:
+def simulate(options: Options | PaperOptions | str = "planar", seed: int = 0, **changes: Any) -> Dataset:
     """What a team measures in a made-up world, with its truth: the same for the same options and seed.
 
-    `options` may be the name of a row of PRESETS; InputError for a name that is not there, or a seed below zero.
+    `options` may be the name of a row of PRESETS; `changes` are options by name, such as robots=5. InputError for a
+    name that is not there, for an option that these have not, or a seed below zero.
     """
+    options = changed(options, changes)
+    if not is_whole(seed) or seed < 0:
+        raise InputError(f"a seed is a whole number from 0 on, found {seed}", field="seed")
+    return simulate_paper(options, seed) if isinstance(options, PaperOptions) else simulate_options(options, seed)
+
+
+def changed(options: Options | PaperOptions | str, changes: dict[str, Any]) -> Options | PaperOptions:
+    """Options, or a row of PRESETS by name, with some changed. InputError for a name that is not there."""
     if isinstance(options, str):
         if options not in PRESETS:
             raise InputError(f"unknown preset '{options}'; choose one of {', '.join(PRESETS)}", field="preset")
         options = PRESETS[options]
-    if seed < 0:
-        raise InputError(f"a seed is a whole number from 0 on, found {seed}", field="seed")
-    return simulate_paper(options, seed) if isinstance(options, PaperOptions) else simulate_options(options, seed)
+    if not isinstance(options, Options | PaperOptions):
+        raise InputError(f"expected Options, PaperOptions or the name of a preset, found {a_kind(options)}")
+    known = [field.name for field in fields(options)]
+    for name in changes:
+        if name not in known:
+            raise InputError(f"these worlds have no option '{name}'; {nearest(name, known)}", field=name)
+    try:
+        return replace(options, **changes)
+    except TypeError as error:
+        raise InputError(f"an option is of the wrong kind: {error}") from None

@@ -6,6 +6,7 @@ nothing is regularised in silence.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +27,12 @@ class Matrix:
     pattern: kernel.BlockPattern
     numbers: Array
     analysis: kernel.Analysis | None = None
+
+    def __repr__(self) -> str:
+        return f"Matrix({self.pattern.scalars:,} unknowns, {len(self.numbers):,} numbers)"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"analysis": None}  # which lives in the kernel
 
     def to_csr(self) -> sp.csr_array:
         """The whole matrix, both triangles."""

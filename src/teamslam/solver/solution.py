@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
+from typing import Any
 
 import scipy.sparse as sp
 
@@ -42,6 +43,16 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
+class Held:
+    """Makes a matrix that is there already."""
+
+    matrix: Matrix
+
+    def __call__(self) -> Matrix:
+        return self.matrix
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """An estimate and how it came about.
 
@@ -59,6 +70,10 @@ class Solution:
     decrement: float
     history: tuple[Step, ...] = field(repr=False)
     made: Callable[[], Matrix] = field(repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What travels: H, in place of what makes it."""
+        return vars(self) | {"made": Held(self.hessian), "hessian": self.hessian}
 
     @cached_property
     def hessian(self) -> Matrix:

@@ -19,7 +19,7 @@ from itertools import groupby
 
 import numpy as np
 
-from teamslam.errors import SolveError
+from teamslam.errors import SolveError, in_words
 from teamslam.joining import AtMap, Joined
 from teamslam.joining.build.build import CURE
 from teamslam.model import Dataset, Names, robot_of
@@ -63,6 +63,11 @@ class Verdict:
     parts: tuple[Residuals, ...] = ()
     names: Names = field(default_factory=Names)
     reason: str = ""
+
+    def __repr__(self) -> str:
+        if self.level == "unknown":
+            return f"Verdict(unknown: {in_words(self.reason)})"
+        return f"Verdict({self.level}: cost {self.cost:.6g}, expected {self.expected:.6g}, dof {self.dof:,})"
 
     @property
     def gross(self) -> bool:

@@ -16,9 +16,10 @@ from functools import cached_property
 
 import numpy as np
 
+from teamslam.answers.residuals import observers
 from teamslam.geometry import Array, IntArray
 from teamslam.joining import AtMap, Cost
-from teamslam.model import Table, Values, chi2_quantile, is_pose, robot_of
+from teamslam.model import Table, Values, chi2_quantile
 from teamslam.solver import System
 from teamslam.trust.expected import expected_cost
 
@@ -47,6 +48,9 @@ class Rows:
     leverage: Array
     followed: Array
     given_way: float
+
+    def __repr__(self) -> str:
+        return f"Rows({self.table!r})"
 
     def __len__(self) -> int:
         return len(self.table)
@@ -98,12 +102,6 @@ class Rows:
         return observers(self.table)
 
 
-def observers(table: Table) -> IntArray:
-    """The robot's own pose that each row of a table was taken from (m,), the later of two; 0 where there is none."""
-    own = (robot_of(table.keys) == table.robot) & is_pose(table.keys)
-    return np.asarray(np.where(own, table.keys, 0).max(-1))
-
-
 @dataclass(frozen=True, eq=False)
 class Residuals:
     """All rows at a map, table by table. `unknowns` of the map; `decrease` of the cost that a step from there to full
@@ -113,6 +111,9 @@ class Residuals:
     unknowns: int
     decrease: float
     draws: int
+
+    def __repr__(self) -> str:
+        return f"Residuals({sum(map(len, self.rows)):,} rows of {len(self.rows)} tables, {self.unknowns:,} unknowns)"
 
     @property
     def cost(self) -> Cost:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import WORLD, Submap, Values, chi2_quantile, robot_of
+from teamslam.model import WORLD, Submap, Values, region_of, robot_of
 
 CONFIDENCE = 0.95
 FACTORS = (100, 50, 20, 10, 5, 2)  # how many times regions too small to see are drawn larger
@@ -97,7 +97,5 @@ class Scene:
 
 
 def shape_of(covariance: Array, confidence: float = CONFIDENCE) -> tuple[Array, Array]:
-    """Radii (..., d) [m], rising, and axes (..., d, d), in columns, of the region that holds a Gaussian of `covariance`
-    (..., d, d) with `confidence`."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.sqrt(np.maximum(values, 0.0) * chi2_quantile(confidence, covariance.shape[-1])), vectors
+    """Radii (..., d) [m], rising, and axes (..., d, d), in columns, of the region drawn of a Gaussian."""
+    return region_of(covariance, confidence)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, ParamSpec, TypeVar
 
 import numpy as np
 
+from teamslam.cards import ROBOT_COLOURS
 from teamslam.errors import in_words
 from teamslam.geometry import Array
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# Okabe and Ito (2008), the yellow left out (too pale for thin lines), a grey-violet and a brown added.
-ROBOT_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#6A5ACD", "#8C564B")
 ROBOT_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "h")
 LANDMARK_COLOUR = "#7A1F5C"
 TRUTH_COLOUR = "#3A3A3A"

@@ -63,7 +63,7 @@ def full(
 
 def _from(dataset: Dataset, initial: Joined, options: Options, progress: Callable[[Step], None] | None) -> Joined:
     components = tuple(_full(dataset, c, options, progress) for c in initial.components)
-    return Joined(components, initial.reasons)
+    return Joined(components, initial.reasons, log=dataset)
 
 
 def _full(

@@ -16,8 +16,7 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.join.join import Exactness
-from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import WORLD, Layout, Submap, Table, Values
+from teamslam.model import Layout, Submap, Table, Values
 from teamslam.solver import Factor, System
 from teamslam.solver.linear import Matrix
 
@@ -86,13 +85,9 @@ class AtMap:
 
 
 def rows_in(joined: Submap, tables: Iterable[Table]) -> list[Table]:
-    """The rows of `tables` that a map was made of: those of its sources that do not wait for a variable that it lacks.
-
-    A row may speak of what a map knows and yet be in none, as the rows of a piece that no submap could be built of.
-    """
-    held = [(table, joined.sources.rows_of(table)) for table in tables]
-    mine = [table if mask.all() else table.select(mask) for table, mask in held if mask.any()]
-    return usable_rows(mine, point_of(joined).layout, world=joined.base == WORLD)[0]
+    """The rows of `tables` that a map was made of (see `Submap.rows_of`), table by table; no table without any."""
+    held = [(table, joined.rows_of(table)) for table in tables]
+    return [table if mask.all() else table.select(mask) for table, mask in held if mask.any()]
 
 
 def frame_of(joined: Submap) -> IntArray:

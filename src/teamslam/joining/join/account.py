@@ -63,7 +63,7 @@ def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> 
         remarks += sentences(component.map, found)
     pairs = zip(joined.components, twofold, strict=True)
     components = tuple(replace(component, second_places=tuple(undecided(found))) for component, found in pairs)
-    return replace(joined, components=components, left_out=left_out, remarks=(*joined.remarks, *remarks))
+    return replace(joined, components=components, left_out=left_out, remarks=(*joined.remarks, *remarks), log=log)
 
 
 def accounted_raw(submaps: Iterable[Submap], joined: Joined) -> Joined:

@@ -13,9 +13,13 @@ count a measurement twice. Submaps that nothing holds together come back as sepa
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from teamslam.answers import Answers, ResidualTable
+from teamslam.answers.maps_card import facts_of, maps_card
+from teamslam.answers.residuals import residual_table
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import Array, Pose
 from teamslam.joining.join.double_counting import refuse_double_counting
@@ -25,8 +29,8 @@ from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, place
 from teamslam.joining.place.reasons import Held
 from teamslam.joining.start.twofold import RULED_OUT
-from teamslam.model import Kind, LeftOut, Submap
-from teamslam.solver import Options, Solution, Step
+from teamslam.model import Dataset, Kind, LeftOut, Submap
+from teamslam.solver import Covariances, Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
 
 
@@ -68,6 +72,9 @@ class Component:
     dearer: tuple[float, ...] = ()
     second_places: tuple[tuple[int, Array], ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Component({self.map!r}, of {len(self.members)} submaps)"
+
     @property
     def ambiguities(self) -> tuple[str, ...]:
         """The other ways to put the submaps together, in words."""
@@ -80,17 +87,18 @@ class Component:
 
 
 @dataclass(frozen=True, eq=False)
-class Joined:
-    """What a team's submaps make together. `components` in the order of their lowest robot; `reasons` says, where there
-    are several, why they could not be joined and what would join them.
+class Joined(Answers):
+    """What a team's submaps make together, asked by name (see `teamslam.answers`). `components` in the order of their
+    lowest robot; `reasons` says, where there are several, why they could not be joined and what would join them.
 
-    Where the log is at hand, `left_out` is all of it that is in no map (see `account`); `remarks` says in words what is
-    in a map though something is to be known of it, such as a submap that stopped short of its optimum."""
+    Where the `log` is at hand, `left_out` is all of it that is in no map (see `account`); `remarks` says in words what
+    is in a map though something is to be known of it, such as a submap that stopped short of its optimum."""
 
     components: tuple[Component, ...]
     reasons: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
+    log: Dataset | None = None
 
     @property
     def map(self) -> Submap:
@@ -98,9 +106,40 @@ class Joined:
         return self.components[0].map
 
     @property
+    def maps(self) -> tuple[Submap, ...]:
+        """One for each component."""
+        return tuple(component.map for component in self.components)
+
+    @cached_property
+    def covariances(self) -> tuple[Covariances, ...]:
+        """Of each map; what is found of them is kept."""
+        return tuple(Covariances.of_map(submap) for submap in self.maps)
+
+    @property
     def converged(self) -> bool:
         """True where every component reached an optimum."""
         return all(c.solution is None or c.solution.converged for c in self.components)
+
+    def residuals(self, log: Dataset | None = None) -> ResidualTable:
+        """How far every row of the log is off at the maps. Submaps hold no rows: what was joined of them needs the
+        `log` that they were built of (ModelError without); what `full` or `run` made knows its own."""
+        log = log or self.log
+        if log is None:
+            raise ModelError("submaps do not hold the rows that they were built of; hand over the log: residuals(log)")
+        return residual_table(self, log.tables)
+
+    def __repr__(self) -> str:
+        return f"Joined({'; '.join(value for _, value in self._facts())})"
+
+    def _repr_html_(self) -> str:
+        return maps_card("A team's map", self, self._facts())
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [
+            *facts_of(self),
+            ("state", "converged" if self.converged else "not converged"),
+            *([("left out", ", ".join(lost.what for lost in self.left_out))] if self.left_out else []),
+        ]
 
 
 def join(

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from teamslam.answers.residuals import observers
 from teamslam.geometry import Array, BoolArray
 from teamslam.model import Dataset, Table, index_of, is_landmark, is_pose, robot_of
-from teamslam.trust.residuals import Rows, observers
+from teamslam.trust.residuals import Rows
 
 POSES = 40  # of each robot, about
 STARTS = 24  # windows of time that are looked at
