@@ -51,7 +51,7 @@ def places(submap: Submap, keys: np.ndarray) -> np.ndarray:
 def test_every_sighting_is_drawn_from_its_pose_to_its_landmark(record: Record) -> None:
     """As many rows as the log has, rising in time; targets are landmarks of the part or robots of the page."""
     found = drawn(record)
-    assert sum(len(floats(rows["t"])) for rows in found["rows"]) == sum(len(r.row) for r in record.residuals)
+    assert sum(len(floats(rows["t"])) for rows in found["rows"]) == sum(len(r.row) for r in record.rows)
     for rows in found["rows"]:
         to = np.frombuffer(base64.b64decode(rows["to"]), "<i4")
         assert (np.diff(floats(rows["t"])) >= 0.0).all()

@@ -65,7 +65,7 @@ def test_figures_are_drawn_from_what_was_read_back(tmp_path: Path) -> None:
     """`plot` on a run folder; what is no such table is an error that names the file."""
     write_run(run(named(Names(tick_s=1.0))), tmp_path / "run", figures=False)
     record = read_run(tmp_path / "run")
-    assert record.residuals == () and len(with_residuals(record, tmp_path / "run").residuals) == 6
+    assert record.rows == () and len(with_residuals(record, tmp_path / "run").rows) == 6
     path = tmp_path / "run" / "residuals.csv"
     path.write_text("component,robot\n1,a\n")
     with pytest.raises(InputError, match=r"residuals\.csv"):
@@ -84,4 +84,4 @@ def test_two_parts_of_a_team_are_told_apart(tmp_path: Path) -> None:
     log = log.with_tables(t for t in apart if t.source != "robots")
     record = Record.of(run(log))
     assert len(record.maps) == 2
-    assert {(part.component, part.robot) for part in record.residuals} == {(1, "1"), (2, "2")}
+    assert {(part.component, part.robot) for part in record.rows} == {(1, "1"), (2, "2")}

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ class Residuals:
     def __len__(self) -> int:
         return len(self.row)
 
-    @property
+    @cached_property
     def size(self) -> Array:
         """The length of each residual over the root of its numbers (m,): about 1 where the model is right."""
         return np.asarray(np.sqrt(np.mean(self.whitened**2, -1)))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from teamslam.cards import ROBOT_COLOURS
 from teamslam.config import Config, config_text
 from teamslam.geometry import Array, IntArray
 from teamslam.io.files.whole import whole_file
@@ -19,7 +20,6 @@ from teamslam.results.record import Record
 from teamslam.results.words import counted, outcome
 from teamslam.viz import Scene, frame_name
 from teamslam.viz.scene import CONFIDENCE
-from teamslam.viz.style import ROBOT_COLOURS
 
 PAGE = "report.html"  # in the folder of a run
 MOST_POSES = 20_000  # drawn; of more, as many as an eye can tell apart

@@ -4,21 +4,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from teamslam.answers.residuals import LANDMARK, Residuals
 from teamslam.geometry import IntArray
 from teamslam.model import Submap, index_of
 from teamslam.report import Rows, evenly
 from teamslam.results.record import Record
-from teamslam.results.residuals import LANDMARK, Residuals
 
 MOST_ROWS = 60_000  # drawn: of more every so many-th, and the worst
 
 
 def rows_of(record: Record, robots: Sequence[str], start_s: float) -> tuple[list[Rows], list[str]]:
     """The rows that are drawn, and in words which, where these are not all."""
-    total = sum(len(found.row) for found in record.residuals)
+    total = sum(len(found.row) for found in record.rows)
     share = min(1.0, MOST_ROWS / max(total, 1))
     known = [_landmarks(submap) for submap in record.maps]
-    rows = [_drawn(found, known[found.component - 1], robots, start_s, share) for found in record.residuals]
+    rows = [_drawn(found, known[found.component - 1], robots, start_s, share) for found in record.rows]
     said = f"Of {total:,} rows of measurements {sum(len(r.stamps) for r in rows):,} are drawn, the worst among them."
     return rows, [said] if share < 1.0 else []
 

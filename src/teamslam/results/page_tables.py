@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from teamslam.answers.residuals import LANDMARK, Residuals
 from teamslam.geometry import Array
 from teamslam.model import Values, index_of, robot_of
 from teamslam.report import Table
 from teamslam.results.record import Record
-from teamslam.results.residuals import LANDMARK, Residuals
 from teamslam.viz import shape_of
 
 WORST = 15  # rows told one by one
@@ -70,7 +70,7 @@ def _links(record: Record) -> Table:
         pair = tuple(sorted((names.robot(a), names.robot(b))))
         seen[pair[0], pair[1]] = seen.get((pair[0], pair[1]), 0) + int(a != b)
     marks: dict[str, set[str]] = {}
-    for rows in record.residuals:
+    for rows in record.rows:
         of = marks.setdefault(rows.robot, set())
         of |= {word for word in rows.targets if word.startswith(LANDMARK)}
     robots = sorted(marks)
@@ -86,7 +86,7 @@ def _links(record: Record) -> Table:
 def _sensors(record: Record) -> Table:
     """Residuals by sensor and robot."""
     rows = []
-    for found in record.residuals:
+    for found in record.rows:
         size = found.size
         if len(size):
             median, high = np.quantile(size, [0.5, 0.95])
@@ -104,7 +104,7 @@ def _by_landmark(record: Record) -> Table:
     """Residuals by landmark, the largest first."""
     sizes: dict[str, list[Array]] = {}
     seers: dict[str, set[str]] = {}
-    for found in record.residuals:
+    for found in record.rows:
         for place, word in enumerate(found.targets):
             if word.startswith(LANDMARK):
                 mine = found.target == place
@@ -125,7 +125,7 @@ def _by_landmark(record: Record) -> Table:
 
 def _worst(record: Record, start_s: float) -> Table:
     """The rows that leave most."""
-    found = [(float(part.size[n]), part, n) for part in record.residuals for n in _largest(part).tolist()]
+    found = [(float(part.size[n]), part, n) for part in record.rows for n in _largest(part).tolist()]
     found.sort(key=lambda entry: -entry[0])
     rows = [
         [f"{size:.2f}", part.robot, part.source, part.targets[part.target[n]],

@@ -13,11 +13,6 @@ u_1, u_2, ...     the whitened residual W e, e = z (-) h, in the order of the mo
 import csv
 import io
 from collections.abc import Iterable, Sequence
-<<<<<<< HEAD
-from dataclasses import dataclass
-from functools import cached_property
-=======
->>>>>>> 5ff72c6 (Maps answer by name: trajectories, landmarks, covariances, residuals)
 from pathlib import Path
 
 import numpy as np
@@ -26,33 +21,6 @@ from teamslam.answers.residuals import Residuals, residuals_in_words
 from teamslam.io.files.letters import Letters, integers, lines, significant, spelled, words
 from teamslam.trust import Verdict
 
-<<<<<<< HEAD
-LANDMARK = "landmark "  # what a target that is one begins with
-
-
-@dataclass(frozen=True, eq=False)
-class Residuals:
-    """m rows of one sensor of one robot in one component, as residuals.csv has them: `whitened` (m, r); `stamp_s` (m,)
-    is nan where there is none; `target` (m,) is a place in `targets`."""
-
-    component: int
-    robot: str
-    source: str
-    model: str
-    row: IntArray
-    stamp_s: Array
-    target: IntArray
-    targets: tuple[str, ...]
-    weight: Array
-    whitened: Array
-
-    @cached_property
-    def size(self) -> Array:
-        """The length of each residual over the root of its numbers (m,): about 1 where the model is right."""
-        return np.asarray(np.sqrt(np.mean(self.whitened**2, -1)))
-
-=======
->>>>>>> 5ff72c6 (Maps answer by name: trajectories, landmarks, covariances, residuals)
 
 def residuals_of(verdict: Verdict) -> tuple[Residuals, ...]:
     """What a verdict rests on, in words and stamps."""
