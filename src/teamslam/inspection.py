@@ -13,6 +13,7 @@ It is a count, not a proof: geometry may still be too weak, which the join itsel
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,6 +59,19 @@ class Inspection:
     groups: tuple[tuple[int, ...], ...]
     has_truth: bool
     hints: tuple[str, ...]
+
+    def to_dict(self, names: Names) -> dict[str, Any]:
+        """Ready for JSON, robots by their names."""
+        called = names.robot
+        return {
+            "robots": {called(robot): {"dim": dim, "poses": self.poses[robot]} for robot, dim in self.robots.items()},
+            "landmarks": self.landmarks,
+            "truth": self.has_truth,
+            "measured": [vars(count) | {"robot": called(count.robot)} for count in self.counts],
+            "links": [vars(link) | {"robots": [*map(called, link.robots)]} for link in self.links],
+            "groups": [[*map(called, group)] for group in self.groups],
+            "hints": list(self.hints),
+        }
 
 
 def inspect(dataset: Dataset) -> Inspection:

@@ -73,5 +73,5 @@ def test_a_run_read_back_draws_the_same_map(record: Record) -> None:
     """A record without residuals, as `read_run` gives it, still has a page: without sightings and residuals."""
     from dataclasses import replace
 
-    bare = drawn(replace(record, residuals=()))
+    bare = drawn(replace(record, rows=()))
     assert bare["rows"] == [] and bare["parts"] == drawn(record)["parts"]

@@ -11,7 +11,7 @@ import teamslam as ts
 from stress.drive import Outcome
 from stress.failure import Findings
 from teamslam.cli import main
-from teamslam.cli.codes import BAD_INPUT, PARTLY, code_of
+from teamslam.cli.codes import BAD_INPUT, NO_MAP, code_of
 from teamslam.errors import SolveError
 from teamslam.results.report import report_of
 
@@ -35,7 +35,7 @@ def check_command(outcome: Outcome, findings: Findings) -> None:
             findings.check(f"a command ends in a traceback: {type(error).__name__}", False, error)
             return
         if outcome.error is not None:
-            expected = PARTLY if isinstance(outcome.error, SolveError) else BAD_INPUT
+            expected = NO_MAP if isinstance(outcome.error, SolveError) else BAD_INPUT
             findings.check("a command that fails says so in its code", code == expected, f"{code}: {said}")
             findings.check("a command that fails writes nothing", not (folder / "map").exists())
             return

@@ -9,7 +9,7 @@ from cyclopts import App, CycloptsError
 
 from teamslam import __version__
 from teamslam.cli.build import build
-from teamslam.cli.codes import BAD_INPUT, DONE, PARTLY
+from teamslam.cli.codes import BAD_INPUT, BUG, DONE, NO_MAP
 from teamslam.cli.console import complain, screen
 from teamslam.cli.convert import convert
 from teamslam.cli.demo import demo
@@ -24,6 +24,7 @@ from teamslam.cli.score import score
 from teamslam.cli.simulate import simulate
 from teamslam.cli.split import split
 from teamslam.cli.view import view
+from teamslam.cli.voice import spoken
 from teamslam.errors import SolveError, TeamslamError
 
 HELP = """Several robots, one map: landmark SLAM for teams by submap joining.
@@ -39,12 +40,15 @@ teamslam run MRCLAM_Dataset6 --out map   # map, covariances, errors, figures
 Every command explains itself, with examples: `teamslam run --help`.
 
 Exit codes: 0 done; 1 not converged, in parts, or something left out; 2 bad input or usage; 3 a map that its
-measurements contradict; 130 interrupted.
+measurements contradict; 4 no map at all; 70 a mistake of teamslam; 130 interrupted; 141 nobody reads the output.
+
+Shell completion: `teamslam --install-completion`.
 """
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
+app.register_install_completion_command(help="Install completion of commands and options for this shell.")
 for command in (demo, run, simulate, convert, info, score, plot, view, paper, split, build, join, exchange, robot):
-    app.command(command)
+    app.command(spoken(command))
 
 
 def called(arguments: Sequence[str] | None) -> int:
@@ -58,7 +62,7 @@ def called(arguments: Sequence[str] | None) -> int:
         return BAD_INPUT
     except SolveError as error:
         complain(str(error))
-        return PARTLY
+        return NO_MAP
     except TeamslamError as error:
         complain(str(error))
         return BAD_INPUT
@@ -70,3 +74,9 @@ def called(arguments: Sequence[str] | None) -> int:
     except OSError as error:
         complain(f"{error.filename or 'the output'}: {error.strerror or error}")
         return BAD_INPUT
+    except Exception:
+        import traceback
+
+        traceback.print_exc()
+        complain("this is a mistake of teamslam itself; please report it with the lines above")
+        return BUG

@@ -1,9 +1,6 @@
 """`teamslam build`: submaps from a log or from pieces of one (Algorithm 1)."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from teamslam.cli.numbers import MaybeWhole, Whole
 
@@ -14,7 +11,6 @@ def build(
     version: Whole = 0,
     poses_per_piece: MaybeWhole = None,
     format: str | None = None,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Build a submap of every piece of a log, each in its own frame.
 
@@ -24,7 +20,8 @@ def build(
     teamslam build pieces/1_robot_1.piece pieces/2_robot_1.piece --out robot-1
     ```
 
-    Exit codes: 0 done; 1 some piece was refused or gave no submap (the others are written); 2 bad input or usage.
+    Exit codes: 0 done; 1 some piece was refused or gave no submap (the others are written); 2 bad input or usage;
+    4 none gave one.
 
     Parameters
     ----------
@@ -38,10 +35,9 @@ def build(
         Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry.
     format
         The format of the log, where it cannot be told from its looks.
-    quiet
-        Print nothing but errors.
     """
-    from teamslam.cli.console import complain, progress_bar, say
+    from teamslam.cli.codes import DONE, PARTLY
+    from teamslam.cli.console import answer, complain, progress_bar, say
     from teamslam.cli.pieces import pieces_in
     from teamslam.errors import InputError, SolveError
     from teamslam.io import write_submaps
@@ -58,7 +54,7 @@ def build(
     if not pieces:
         raise InputError("none of these pieces can be built; see the reasons above")
     submaps, failed = [], len(damaged)
-    with progress_bar(quiet) as progress:
+    with progress_bar() as progress:
         for number, piece in enumerate(pieces, 1):
             try:
                 submaps.append(build_submap(piece, version=version))
@@ -70,7 +66,7 @@ def build(
         raise SolveError("no piece gave a submap; see the reasons above")
     with whole_folder(out) as draft:
         write_submaps(submaps, draft)
-    if not quiet:
-        robots = {robot for submap in submaps for robot in submap.robots}
-        say(f"written: {out}: {counted(len(submaps), 'submap')} of {counted(len(robots), 'robot')}")
-    return 1 if failed else 0
+    robots = {robot for submap in submaps for robot in submap.robots}
+    say(f"written: {out}: {counted(len(submaps), 'submap')} of {counted(len(robots), 'robot')}")
+    answer({"written": str(out), "submaps": [s.id for s in submaps], "failed": failed})
+    return PARTLY if failed else DONE

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from teamslam.cli.voice import voice
 from teamslam.errors import in_words
 
 if TYPE_CHECKING:
@@ -48,8 +49,30 @@ def printable(text: str) -> str:
 
 
 def say(text: str) -> None:
-    """One line of result."""
-    stdout().print(printable(text))
+    """One line of result, where results are wanted in words."""
+    if in_prose():
+        stdout().print(printable(text))
+
+
+def answer(document: Any) -> None:
+    """The results as data, where they are wanted so: one JSON document a command; what is not finite is null."""
+    if voice().json:
+        import json
+
+        from teamslam.results.folder import known
+
+        print(json.dumps(known(document), indent=2, allow_nan=False, default=str))
+
+
+def detail(text: str) -> None:
+    """One line about what is going on, on stderr, where that is wanted."""
+    if voice().verbose:
+        stderr().print(printable(text), style="dim", soft_wrap=True)
+
+
+def in_prose() -> bool:
+    """Whether results are printed in words and tables."""
+    return not (voice().quiet or voice().json)
 
 
 def complain(text: str) -> None:
@@ -61,6 +84,8 @@ def complain(text: str) -> None:
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:
     """A table of results; `left` columns are text, the others are numbers."""
+    if not in_prose():
+        return
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -77,6 +102,8 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, 
 
 def pairs(title: str, rows: Sequence[tuple[str, str]]) -> None:
     """A list of names and what they are; what is long goes on under itself where somebody watches."""
+    if not in_prose():
+        return
     from textwrap import wrap
 
     from rich.text import Text
@@ -93,8 +120,12 @@ def pairs(title: str, rows: Sequence[tuple[str, str]]) -> None:
 
 
 @contextmanager
-def progress_bar(quiet: bool = False) -> Iterator["Progress"]:
-    """A progress bar on stderr as the callback that `pipeline.run` takes; nothing is drawn where nobody watches."""
+def progress_bar() -> Iterator["Progress"]:
+    """A progress bar on stderr as the callback that `pipeline.run` takes; nothing is drawn where nobody watches. A
+    verbose command says each stage in a line instead, with the seconds that it took."""
+    if voice().verbose:
+        yield _stages()
+        return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     console = stderr()
@@ -102,7 +133,7 @@ def progress_bar(quiet: bool = False) -> Iterator["Progress"]:
     columns = (
         spinner, TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
+    with Progress(*columns, console=console, transient=True, disable=not in_prose() or not console.is_terminal) as bar:
         tasks: dict[str, int] = {}
 
         def tell(stage: str, done: int, of: int) -> None:
@@ -111,3 +142,20 @@ def progress_bar(quiet: bool = False) -> Iterator["Progress"]:
             bar.update(bar.task_ids[list(tasks).index(stage)], completed=done, total=of or None)
 
         yield tell
+
+
+def _stages() -> "Progress":
+    """A line when a stage begins, and one when it is done."""
+    from time import perf_counter
+
+    began: dict[str, float] = {}
+
+    def tell(stage: str, done: int, of: int) -> None:
+        if stage not in began:
+            began[stage] = perf_counter()
+            detail(f"{stage} ...")
+        elif of and done >= of and began[stage] > 0.0:
+            detail(f"{stage}: {perf_counter() - began[stage]:.2f} s" + (f", {of:,} parts" if of > 1 else ""))
+            began[stage] = 0.0
+
+    return tell

@@ -52,13 +52,16 @@ def convert(input: Path, output: Path, /, *, to: str | None = None, format: str 
     format
         The format of the input, where it cannot be told from its looks.
     """
-    from teamslam.cli.console import say
+    from teamslam.cli.console import answer, say
     from teamslam.errors import InputError
 
     if output.exists():
         raise InputError("the output is there already; choose another name", path=output)
-    for dropped in CONVERT[_kind(input, format)](input, output, to, format):
+    kind = _kind(input, format)
+    left_out = CONVERT[kind](input, output, to, format)
+    for dropped in left_out:
         say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
+    answer({"written": str(output), "kind": kind, "changed": [vars(dropped) for dropped in left_out]})
     return 0
 
 

@@ -1,9 +1,7 @@
 """`teamslam demo`: what submap joining gives, on two simulated teams, in under a minute."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from teamslam.cli.numbers import Whole
 
@@ -21,7 +19,6 @@ def demo(
     *,
     out: Path = Path("demo"),
     seed: Whole = 1,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Simulate two teams, map them by joining and by full least squares, and draw what comes out.
 
@@ -41,33 +38,31 @@ def demo(
         The folder to write; an earlier demo in it is replaced.
     seed
         Of everything that is drawn.
-    quiet
-        Print nothing but errors.
     """
     from teamslam.cli.codes import DONE, code_of
-    from teamslam.cli.console import progress_bar, say, table
+    from teamslam.cli.console import answer, progress_bar, say, table
     from teamslam.pipeline import run
     from teamslam.results import made_folder, write_run
     from teamslam.results.figures import save
     from teamslam.results.words import comparison
 
     made_folder(out)
-    code, drawn, every = DONE, {}, []
+    code, drawn, every, reports = DONE, {}, [], {}
     for name, (kind, dataset) in demo_teams(seed).items():
         records = {}
         for method, options in demo_methods().items():
-            with progress_bar(quiet) as progress:
+            with progress_bar() as progress:
                 result = run(dataset, options, progress)
             records[method] = write_run(result, out / f"{name}-{method}", replace=True, figures=method == "joined")
             code = max(code, code_of(records[method].report))
         title = f"{kind}: {what_went_in(records['joined'].report)}"
-        if not quiet:
-            table(title, *comparison(records))
+        table(title, *comparison(records))
         drawn[title] = records["joined"]
+        reports[name] = {method: record.report for method, record in records.items()}
         every.append({method: record.report["cost"] for method, record in records.items()})
     save(overview(drawn), out / "demo.png")
-    if not quiet:
-        say(what_next(out, every))
+    say(what_next(out, every))
+    answer({"written": str(out), "teams": reports})
     return code
 
 

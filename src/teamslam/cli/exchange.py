@@ -2,7 +2,7 @@
 
 import csv
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -46,7 +46,7 @@ def exchange(
     condensed  all of them eliminated
     ```
 
-    Exit codes: 0 done; 1 some submap could not be built; 2 bad input or usage.
+    Exit codes: 0 done; 2 bad input or usage; 4 some submap could not be built.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def exchange(
         Write every message on every link into this CSV file, which must not exist: who sends what to whom, in which
         kind, how many bytes.
     """
-    from teamslam.cli.console import progress_bar, say, table
+    from teamslam.cli.console import answer, progress_bar, say, table
     from teamslam.cli.pieces import pieces_of
     from teamslam.errors import InputError
     from teamslam.joining import build
@@ -95,6 +95,7 @@ def exchange(
     pieces = pieces_of(log, format=format, poses_per_piece=poses_per_piece, keyframe=keyframe)
     if len({piece.tables[0].robot for piece in pieces}) < 2:
         say(f"{log}: one robot, nothing to exchange")
+        answer({"messages": [], "bytes": 0, "ledger": None})
         return 0
     team = []
     with progress_bar() as progress:
@@ -117,6 +118,9 @@ def exchange(
         say(f"left out: {dropped.count}: {dropped.reason}")
     if ledger is not None:
         say(f"written: {ledger}")
+    answer(
+        {"messages": _messages(found.ledger(), names), "bytes": found.ledger().total, "ledger": ledger and str(ledger)}
+    )
     return 0
 
 
@@ -137,6 +141,21 @@ def _costs(found: "Plan", names: "Names") -> tuple[list[str], list[list[str]]]:
     return ["link", "messages", *KINDS, "sent", "as"], rows
 
 
+def _messages(sent: "Ledger", names: "Names") -> list[dict[str, Any]]:
+    """Every message on every link, as the ledger's CSV has them."""
+    return [
+        {
+            "sender": names.robot(line.sender),
+            "receiver": names.robot(line.receiver),
+            "kind": line.kind,
+            "submap": line.id,
+            "version": line.version,
+            "bytes": line.bytes,
+        }
+        for line in sent.lines
+    ]
+
+
 def _write_ledger(sent: "Ledger", names: "Names", path: Path) -> None:
     from io import StringIO
 
@@ -145,9 +164,6 @@ def _write_ledger(sent: "Ledger", names: "Names", path: Path) -> None:
     text = StringIO(newline="")
     out = csv.writer(text)
     out.writerow(["sender", "receiver", "kind", "submap", "version", "bytes"])
-    for line in sent.lines:
-        out.writerow(
-            [names.robot(line.sender), names.robot(line.receiver), line.kind, line.id, line.version, line.bytes]
-        )
+    out.writerows(message.values() for message in _messages(sent, names))
     with whole_file(path) as file:
         file.write(text.getvalue().encode())

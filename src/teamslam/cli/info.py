@@ -30,7 +30,7 @@ def info(input: Path, /, *, format: str | None = None) -> int:
         The format of the input, where it cannot be told from its looks.
     """
     from teamslam.cli.codes import DONE, PARTLY
-    from teamslam.cli.console import pairs, say, table
+    from teamslam.cli.console import answer, pairs, say, table
     from teamslam.errors import in_words
     from teamslam.inspection import inspect
     from teamslam.io import read
@@ -71,13 +71,17 @@ def info(input: Path, /, *, format: str | None = None) -> int:
         say(in_words(f"! {hint}"))
     if len(found.groups) > 1:
         say(f"{len(found.groups)} groups of robots, as far as counting tells: expect as many maps")
+    answer(
+        found.to_dict(names)
+        | {"input": str(input), "read": dataset.notes, "dropped": [vars(d) for d in dataset.dropped]}
+    )
     return DONE if len(found.groups) <= 1 else PARTLY
 
 
 def _recording(path: Path) -> int:
     """What a recording holds, and the team file that it suggests."""
     from teamslam.cli.codes import DONE, PARTLY
-    from teamslam.cli.console import pairs, say, table
+    from teamslam.cli.console import answer, pairs, say, table
     from teamslam.io.bags import contents, proposal
     from teamslam.results.words import counted
 
@@ -111,6 +115,23 @@ def _recording(path: Path) -> int:
         say("! neither tags nor images: nothing in it can be mapped")
     else:
         say(f"\nA first team file; check the lines that end in '# ?':\n\n{proposal(found)}")
+    answer(
+        {
+            "input": str(path),
+            "messages": messages,
+            "topics": [
+                {
+                    "topic": t.name,
+                    "types": list(t.types),
+                    "used_as": t.role,
+                    "messages": len(t.stamps_s),
+                    "rate_hz": t.rate_hz,
+                }
+                for t in found.topics
+            ],
+            "dropped": [vars(dropped) for dropped in found.dropped],
+        }
+    )
     return PARTLY if found.dropped else DONE
 
 

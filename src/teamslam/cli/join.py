@@ -33,7 +33,6 @@ def join(
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Join submaps into one map, and write a folder as `teamslam run` does.
 
@@ -50,7 +49,8 @@ def join(
     teamslam join VicPark_200_local_maps --out map
     ```
 
-    Exit codes: 0 done; 1 some submaps were refused, not converged, or in several parts; 2 bad input or usage.
+    Exit codes: 0 done; 1 some submaps were refused, not converged, or in several parts; 2 bad input or usage; 3 the
+    measurements contradict the map; 4 no map at all.
 
     Parameters
     ----------
@@ -76,13 +76,11 @@ def join(
         Replace an earlier run in the output folder.
     figures
         Draw figures, and the page report.html.
-    quiet
-        Print nothing but errors.
     """
     from contextlib import ExitStack
 
     from teamslam.cli.codes import DONE, PARTLY, code_of
-    from teamslam.cli.console import complain, pairs, progress_bar, say
+    from teamslam.cli.console import answer, complain, pairs, progress_bar, say
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.parts import parts_beside, workers_for
     from teamslam.cli.sources import truth_in
@@ -109,7 +107,7 @@ def join(
         raise InputError(f"this run holds {len(known.parts)} maps in frames of their own; give one truth", path=truth)
     beside = _pieces_of(admitted.good, pieces)
     crew = workers_for(workers, cluster)
-    with progress_bar(quiet) as progress, ExitStack() as meanwhile:
+    with progress_bar() as progress, ExitStack() as meanwhile:
         with parts_beside(out, crew) as parts:
             with coming(figures, processes=crew is not None):
                 record = _joined(admitted, known, beside, crew, parts, maps, progress)
@@ -118,11 +116,11 @@ def join(
             write_record(record, Config(), out)
             progress("writing", 1, 1)
         pictured = drawings is None or drawn(drawings, out, progress)
-    if not quiet:
-        left = f", {len(admitted.left_out)} left out by --without" if admitted.left_out else ""
-        title = f"{counted(len(admitted.good), 'submap')} joined, {len(admitted.refused)} refused{left}"
-        pairs(title, outcome(record.report))
-        say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
+    left = f", {len(admitted.left_out)} left out by --without" if admitted.left_out else ""
+    title = f"{counted(len(admitted.good), 'submap')} joined, {len(admitted.refused)} refused{left}"
+    pairs(title, outcome(record.report))
+    answer({**record.report, "written": str(out)})
+    say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
     return max(code_of(record.report), DONE if pictured else PARTLY)
 
 

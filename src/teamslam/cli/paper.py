@@ -37,7 +37,7 @@ def paper(
     """
     import json
 
-    from teamslam.cli.console import progress_bar, say
+    from teamslam.cli.console import answer, progress_bar, say
     from teamslam.io.files.text import write_text
     from teamslam.paper.figures import figures_of_paper
     from teamslam.paper.reproduction import reproduce
@@ -60,4 +60,5 @@ def paper(
         save(figure, out / f"{name}.png")
     say(str(found))
     say(f"\nwritten: {out}: {', '.join(f'{name}.png' for name in figures)}, tables.txt, tables.json")
+    answer({**found.to_dict(), "written": str(out)})
     return 1 if found.missing or any(cell.failed for cell in found.cells) else 0

@@ -26,7 +26,7 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: Maybe
     dpi
         Dots per inch of png files, 160 without it.
     """
-    from teamslam.cli.console import say
+    from teamslam.cli.console import answer, say
     from teamslam.config import read_config
     from teamslam.errors import InputError
     from teamslam.results import draw_record, read_run, with_residuals
@@ -39,9 +39,13 @@ def plot(run: Path, /, *, out: Path | None = None, type: str = "png", dpi: Maybe
     if dpi is not None and not 20 <= dpi <= 1200:
         raise InputError(f"--dpi is a number from 20 to 1200, found {dpi}")
     record = with_residuals(read_run(run), run)
+    written = []
     if out is None:
         write_page(record, read_config(run / "config.toml"), run / PAGE)
+        written.append(run / PAGE)
         say(f"written: {run / PAGE}")
     for file in draw_record(record, out or run / "figures", type=type, dpi=dpi):
+        written.append(file)
         say(f"written: {file}")
+    answer({"written": [str(file) for file in written]})
     return 0

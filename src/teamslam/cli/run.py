@@ -24,7 +24,6 @@ def run(
     cluster: str | None = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     figures: bool = True,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Map a team's log, and write a folder with the map, its covariances, errors and figures.
 
@@ -40,7 +39,8 @@ def run(
     teamslam run many-robots --out large --workers 8
     ```
 
-    Exit codes: 0 done; 1 not converged, in several parts, or something left out; 2 bad input or usage.
+    Exit codes: 0 done; 1 not converged, in several parts, or something left out; 2 bad input or usage; 3 the
+    measurements contradict the map; 4 no map at all.
 
     Parameters
     ----------
@@ -73,13 +73,11 @@ def run(
         Replace an earlier run in the output folder.
     figures
         Draw figures, and the page report.html.
-    quiet
-        Print nothing but errors.
     """
     from contextlib import ExitStack
 
     from teamslam.cli.codes import DONE, PARTLY, code_of
-    from teamslam.cli.console import pairs, progress_bar, say
+    from teamslam.cli.console import answer, detail, pairs, progress_bar, say
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.options import config_for
     from teamslam.cli.parts import parts_beside, workers_for
@@ -96,10 +94,11 @@ def run(
     crew = workers_for(workers, cluster)
     if crew is not None:
         refuse_workers(options)
-    with progress_bar(quiet) as progress, ExitStack() as meanwhile:
+    with progress_bar() as progress, ExitStack() as meanwhile:
         progress("reading", 0, 0)
         dataset = read(input, format=format, **options.read)
         progress("reading", 1, 1)
+        detail(f"read: {dataset!r}")
         with parts_beside(out, crew) as parts:
             with coming(figures, processes=crew is not None):
                 result = run_pipeline(dataset, options, progress, workers=crew, work=parts)
@@ -110,7 +109,7 @@ def run(
             write_record(record, options, out)
             progress("writing", 1, 1)
         pictured = drawings is None or drawn(drawings, out, progress)
-    if not quiet:
-        pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
-        say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
+    pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
+    answer({**record.report, "written": str(out)})
+    say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
     return max(code_of(record.report), DONE if pictured else PARTLY)

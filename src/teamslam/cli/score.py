@@ -22,7 +22,7 @@ def score(map: Path, truth: Path, /) -> int:
     """
     from dataclasses import replace
 
-    from teamslam.cli.console import say
+    from teamslam.cli.console import answer, say
     from teamslam.cli.sources import maps_in, truth_in
     from teamslam.metrics import score as score_map
     from teamslam.solver import Covariances
@@ -30,9 +30,12 @@ def score(map: Path, truth: Path, /) -> int:
     maps, known = maps_in(map), truth_in(truth)
     if known.is_map:
         say(f"{truth} holds no truth but another map: these are differences, not errors")
+    reports = []
     for number, submap in enumerate(maps, start=1):
         found = score_map(submap, known.of(submap), covariances=Covariances.of_map(submap))
         if known.is_map:  # made of the same measurements, perhaps: its covariances say nothing about the difference
             found = replace(found, consistency=None)
+        reports.append(found.to_dict())
         say(f"component {number}: {found}" if len(maps) > 1 else str(found))
+    answer({"truth": str(truth), "is_map": known.is_map, "components": reports})
     return 0

@@ -81,7 +81,7 @@ def simulate(
     """
     from shlex import quote
 
-    from teamslam.cli.console import say
+    from teamslam.cli.console import answer, say
     from teamslam.errors import InputError
     from teamslam.io import write
     from teamslam.results.words import counted
@@ -110,6 +110,7 @@ def simulate(
     for dropped in left_out:
         say(f"not as it was in the output: {dropped.count}: {dropped.reason}")
     say(f"next: teamslam run {quote(str(out))} --out {quote(f'{out}-map')}")
+    answer({"written": str(out), "robots": len(dataset.robots), "rows": rows, "changed": [vars(d) for d in left_out]})
     return 0
 
 

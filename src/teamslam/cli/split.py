@@ -40,7 +40,7 @@ def split(
     format
         The format of the log, where it cannot be told from its looks.
     """
-    from teamslam.cli.console import say
+    from teamslam.cli.console import answer, say
     from teamslam.cli.pieces import pieces_of
     from teamslam.results import refuse_to_overwrite, whole_folder
     from teamslam.results.words import counted
@@ -54,4 +54,5 @@ def split(
     say(f"written: {out}: {counted(len(pieces), 'piece')} of {counted(len(robots), 'robot')}")
     for dropped in pieces[0].dropped:
         say(f"left out: {dropped.count}: {dropped.reason}")
+    answer({"written": str(out), "pieces": len(pieces), "left_out": [vars(d) for d in pieces[0].dropped]})
     return 0

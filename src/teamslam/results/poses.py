@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.model import Names, index_of, robot_of
 from teamslam.model.keys import WORLD
-from teamslam.results.tables import POSE_COLUMNS, POSE_ERRORS, triangle
+from teamslam.answers.columns import POSE_COLUMNS, POSE_ERRORS, triangle
 from teamslam.robot import Estimate
 
 
