@@ -1,7 +1,4 @@
-"""From a folder to answers: a log in, a map that is asked by name out, and one page that shows it all.
-
-    python examples/06_newcomer.py [FOLDER]
-"""
+"""From a folder to a map that is asked by name, and one page that shows it: python examples/06_newcomer.py [FOLDER]"""
 
 import sys
 from pathlib import Path

@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from teamslam.cli.numbers import MaybeWhole, Whole
 
@@ -24,7 +22,6 @@ def robot(
     landmarks: Whole = 64,
     speed: float | None = None,
     format: str | None = None,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Map while driving: a robot's log is played row by row, as if its sensors spoke now.
 
@@ -61,8 +58,6 @@ def robot(
         How many seconds of the log go by in one. By default as fast as can be.
     format
         The format of the log, where it cannot be told from its looks.
-    quiet
-        Print nothing but errors.
     """
     from teamslam.cli.console import complain, say
     from teamslam.errors import InputError
@@ -93,8 +88,7 @@ def robot(
     counts = moment.robot.counts
     if counts.late:
         complain(f"{counted(counts.late, 'row')} came more than {horizon:g} s behind and were left out")
-    if not quiet:
-        say(f"written: {out}: {counted(poses.rows, 'pose')}, {counted(submaps, 'submap')}")
+    say(f"written: {out}: {counted(poses.rows, 'pose')}, {counted(submaps, 'submap')}")
     return 1 if counts.late or moment.unbuilt else 0
 
 

@@ -1,9 +1,6 @@
 """`teamslam view`: runs in the browser, in space and over time."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from teamslam.cli.numbers import MaybeWhole
 
@@ -13,7 +10,6 @@ def view(
     port: MaybeWhole = None,
     host: str = "127.0.0.1",
     browser: bool = True,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Look at runs in the browser: ways, truth, ellipsoids, sightings by robot and time, several runs in one space.
 
@@ -38,8 +34,6 @@ def view(
         The address to listen at. Only this machine reaches 127.0.0.1; at 0.0.0.0 whoever reaches this machine looks.
     browser
         Open a browser, where there is one.
-    quiet
-        Print nothing but errors.
     """
     import time
     import webbrowser
@@ -56,8 +50,7 @@ def view(
     records = {str(run): with_residuals(read_run(run), run) for run in runs}
     viewer = Viewer(placed(records), host=host, port=port or 8080)
     try:
-        if not quiet:
-            say(f"look at {viewer.address} in a browser; end with Ctrl-C")
+        say(f"look at {viewer.address} in a browser; end with Ctrl-C")
         if browser:
             webbrowser.open(viewer.address)
         while True:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from teamslam.answers.columns import POSE_COLUMNS, POSE_ERRORS, triangle
 from teamslam.model import Names, index_of, robot_of
 from teamslam.model.keys import WORLD
-from teamslam.answers.columns import POSE_COLUMNS, POSE_ERRORS, triangle
 from teamslam.robot import Estimate
 
 
