@@ -15,6 +15,7 @@ RowLoops row_loops(Model model, int D, Kind a, Kind b) {
     case Model::range_bearing: return sighting_loops<RangeBearingMeasure>(D, a, b);
     case Model::position: return position_loops(D, a);
     case Model::pose: return pose_loops(D, a);
+    case Model::corners: return corners_loops(D, a, b);
   }
   return {};
 }

@@ -8,6 +8,8 @@
 //   4  range_bearing   pose, target         2, 4: range, bearing     2, 3    [range; bearing]
 //   5  position        any                  2, 3                     2, 3    z - p
 //   6  pose            pose                 6, 12: T then R          3, 6    [zT - T; Log(R' zR)]
+//   7  corners         pose, pose           -, 24: four directions,  -, 8    the logarithm on the sphere at each direction
+//                                           then four points c                of R1'(R2 c + T2 - T1)
 //
 // A target is a point or the position of a pose. With a constant sensor pose S in the body, X o S takes the place of
 // the (first) pose. In D = 3, planar poses are lifted; in D = 2, points and poses in space are seen by their shadow.
@@ -21,8 +23,8 @@
 
 namespace teamslam {
 
-enum class Model : int32_t { relative_pose, point, range, bearing, range_bearing, position, pose };
-inline constexpr int models = 7;
+enum class Model : int32_t { relative_pose, point, range, bearing, range_bearing, position, pose, corners };
+inline constexpr int models = 8;
 
 constexpr int keys(Model model) { return model == Model::position || model == Model::pose ? 1 : 2; }
 
@@ -33,6 +35,7 @@ constexpr int measurement_numbers(Model model, int D) {
     case Model::range: return 1;
     case Model::bearing: return D == 2 ? 1 : 3;
     case Model::range_bearing: return D == 2 ? 2 : 4;
+    case Model::corners: return 24;
     default: return D;
   }
 }
@@ -43,8 +46,15 @@ constexpr int residual_rows(Model model, int D) {
     case Model::pose: return pose_dof(D);
     case Model::range: return 1;
     case Model::bearing: return D - 1;
+    case Model::corners: return 8;
     default: return D;
   }
+}
+
+// Unit vectors among the numbers of a measurement in space; a range comes before them.
+constexpr int directions(Model model, int D) {
+  if (D == 2) return 0;
+  return model == Model::bearing || model == Model::range_bearing ? 1 : model == Model::corners ? 4 : 0;
 }
 
 // Where the parts of H and g that one row feeds begin in the linear system (see layout.hpp). The off-diagonal block

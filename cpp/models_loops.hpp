@@ -85,6 +85,23 @@ struct RelativePose {
   }
 };
 
+template <Kind A, Kind B>
+struct Corners {
+  static constexpr int rows = 8, numbers = 24, dof_a = dof(A), dof_b = dof(B);
+  static constexpr Kind kind_a = A, kind_b = B;
+  template <bool with_jacobian>
+  static void evaluate(const double* z, const double* mount, const double* a, const double* b, double* e, double* J) {
+    const Observer<3, A> observer(a, mount);
+    double J_1[rows * 6], J_2[rows * 6];
+    see_corners<with_jacobian>(z, observer.sensor, load_pose<3, B>(b), e, J_1, J_2);
+    if constexpr (with_jacobian) {
+      observer.template columns<rows>(J_1, J, dof_a + dof_b);
+      for (int i = 0; i < rows; ++i)
+        for (int j = 0; j < dof_b; ++j) J[(dof_a + dof_b) * i + dof_a + j] = J_2[6 * i + pose_column(B, 3, j)];
+    }
+  }
+};
+
 template <int D, Kind A>
 struct AbsolutePose {
   static constexpr int rows = pose_dof(D), numbers = pose_numbers(D), dof_a = dof(A), dof_b = 0;
@@ -358,6 +375,16 @@ inline RowLoops relative_pose_loops(int D, Kind a, Kind b) {
   if (a == pose2 && b == pose3) return loops<RelativePose<3, pose2, pose3>>();
   if (a == pose3 && b == pose2) return loops<RelativePose<3, pose3, pose2>>();
   if (a == pose3 && b == pose3) return loops<RelativePose<3, pose3, pose3>>();
+  return {};
+}
+
+inline RowLoops corners_loops(int D, Kind a, Kind b) {
+  using enum Kind;
+  if (D == 2) return {};
+  if (a == pose2 && b == pose2) return loops<Corners<pose2, pose2>>();
+  if (a == pose2 && b == pose3) return loops<Corners<pose2, pose3>>();
+  if (a == pose3 && b == pose2) return loops<Corners<pose3, pose2>>();
+  if (a == pose3 && b == pose3) return loops<Corners<pose3, pose3>>();
   return {};
 }
 

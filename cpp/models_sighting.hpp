@@ -152,4 +152,31 @@ inline void sight(const double* z, const Pose<D>& X, const double (&p)[D], doubl
   }
 }
 
+// The four corners of a tag: an observer with pose X measures the directions z[0..12) of four points c = z[12..24) of a
+// body with pose Y. Each is a bearing to p = R_Y c + T_Y; the body's own columns follow by dp/dT_Y = 1, dp/dw_Y = -R_Y [c].
+template <bool with_jacobian>
+inline void see_corners(const double* z, const Pose<3>& X, const Pose<3>& Y, double* e, double* J_X, double* J_Y) {
+  for (int corner = 0; corner < 4; ++corner) {
+    const double* c = z + 12 + 3 * corner;
+    double p[3], J_p[6];
+    for (int i = 0; i < 3; ++i)
+      p[i] = Y.T[i] + Y.R[3 * i] * c[0] + Y.R[3 * i + 1] * c[1] + Y.R[3 * i + 2] * c[2];
+    sight<BearingMeasure<3>, 3, with_jacobian>(z + 3 * corner, X, p, e + 2 * corner, J_X + 12 * corner, J_p);
+    if constexpr (with_jacobian) {
+      for (int row = 0; row < 2; ++row) {
+        const double* j = J_p + 3 * row;
+        double* out = J_Y + 12 * corner + 6 * row;
+        double body[3];  // j R_Y
+        for (int k = 0; k < 3; ++k) {
+          out[k] = j[k];
+          body[k] = j[0] * Y.R[k] + j[1] * Y.R[3 + k] + j[2] * Y.R[6 + k];
+        }
+        out[3] = body[2] * c[1] - body[1] * c[2];  // -body [c]
+        out[4] = body[0] * c[2] - body[2] * c[0];
+        out[5] = body[1] * c[0] - body[0] * c[1];
+      }
+    }
+  }
+}
+
 }  // namespace teamslam

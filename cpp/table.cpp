@@ -12,7 +12,7 @@ namespace teamslam {
 namespace {
 
 constexpr const char* model_names[models] = {"relative_pose", "point",    "range", "bearing",
-                                             "range_bearing", "position", "pose"};
+                                             "range_bearing", "position", "pose",  "corners"};
 
 // rows x width, taken in another order.
 template <class Number>
@@ -81,8 +81,8 @@ void Table::check_row(int64_t row) const {
   if (!all_finite(z, numbers_)) say("the measurement is not finite");
   if ((model_ == Model::relative_pose || model_ == Model::pose) && !is_rotation(z + dimension_, dimension_))
     say("the measured rotation is none; expected T, then R row by row");
-  if (dimension_ == 3 && (model_ == Model::bearing || model_ == Model::range_bearing)) {
-    const double* u = z + (model_ == Model::range_bearing);
+  for (int i = 0; i < directions(model_, dimension_); ++i) {
+    const double* u = z + (model_ == Model::range_bearing) + 3 * i;
     const double square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
     if (!(std::abs(square - 1.0) < rotation_tolerance)) say("the measured direction is not a unit vector");
   }
@@ -90,14 +90,13 @@ void Table::check_row(int64_t row) const {
 
 // Directions exactly of unit length, angles in (-pi, pi]: the loops count on it.
 void Table::prepare_measurements() {
-  if (model_ != Model::bearing && model_ != Model::range_bearing) return;
+  const bool angle = dimension_ == 2 && (model_ == Model::bearing || model_ == Model::range_bearing);
   for (int64_t row = 0; row < rows_; ++row) {
     double* z = z_.data() + row * numbers_ + (model_ == Model::range_bearing);
-    if (dimension_ == 2) {
-      *z = std::remainder(*z, 2.0 * std::numbers::pi);
-    } else {
-      const double length = std::sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2]);
-      for (int i = 0; i < 3; ++i) z[i] /= length;
+    if (angle) *z = std::remainder(*z, 2.0 * std::numbers::pi);
+    for (double* u = z; u < z + 3 * directions(model_, dimension_); u += 3) {
+      const double length = std::sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+      for (int i = 0; i < 3; ++i) u[i] /= length;
     }
   }
 }

@@ -120,6 +120,8 @@ def measured(rng: np.random.Generator, model: str, dim: int, count: int) -> Arra
         return distance
     if model == "bearing":
         return bearing
+    if model == "corners":
+        return np.concatenate([unit_vectors(rng, 3, (count, 4)).reshape(count, 12), rng.normal(size=(count, 12))], -1)
     return np.concatenate([distance, bearing], -1) if model == "range_bearing" else rng.normal(size=(count, dim))
 
 

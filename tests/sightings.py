@@ -54,6 +54,7 @@ def table_of(
     """Perfect sightings: what the world's values predict."""
     row = MODELS[model]
     blank = np.zeros((len(keys), row.z_size(dim)))
+    blank[:, row.z_size(dim) - row.given :] = rng.normal(size=(len(keys), row.given))  # where corners are, say
     whitening = random_whitening(rng, row.residual_rows(dim), len(keys))
     ids = np.arange(len(keys))
     table = Table(1, "sightings", model, dim, keys, blank, whitening, ids, sensor)
@@ -66,7 +67,9 @@ def every_table(rng: np.random.Generator, values: Values, setting: Setting, *, s
     sensors = [None, random_poses(rng, 3 if setting.dim == 3 else 2, spread=0.5)] if sensor else [None]
     for model, row in MODELS.items():
         # A pose is measured in the dimension that robots move in; in the plane that of a landmark may be higher.
-        dim = setting.robot.dim if row.targets_pose and planar else setting.dim
+        dim = setting.robot.dim if row.measures_pose and planar else setting.dim
+        if not row.z_size(dim):
+            continue
         for targets in [OTHERS] if row.targets_pose else [OTHERS, MARKS]:
             if row.unary:
                 if not row.targets_pose and setting.landmark.dim != dim and targets is MARKS:

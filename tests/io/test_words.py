@@ -40,6 +40,7 @@ CASES = [
     (model, dim, target, sensor)
     for model in NATIVE
     for dim in (2, 3)
+    if MODELS[model].z_size(dim)
     for target in (("world", "landmarks") if MODELS[model].unary else ("landmarks", "robots"))
     for sensor in ((False,) if MODELS[model].unary else (False, True))
 ]

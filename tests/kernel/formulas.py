@@ -125,6 +125,10 @@ def residual(model, dim, z, sensor, variables):
     if model == "pose":
         return minus(z, first)
     T, R = split(first)
+    if model == "corners":
+        T2, R2 = split(lift(variables[1]))
+        seen = [R.T @ (R2 @ point + T2 - T) for point in z[12:].reshape(4, 3)]
+        return np.concatenate([bearing_residual(u, h) for u, h in zip(z[:12].reshape(4, 3), seen, strict=True)])
     if model == "relative_pose":
         second = lift(variables[1]) if dim == 3 else variables[1]
         T2, R2 = split(second)
@@ -145,6 +149,9 @@ def measurement(rng, model, dim):
     """A random z of a model, far from what any variable would give."""
     if model in ("relative_pose", "pose"):
         return pose_numbers(rng, dim)
+    if model == "corners":
+        rays = rng.normal(size=(4, 3))
+        return np.concatenate([(rays / np.linalg.norm(rays, axis=1, keepdims=True)).ravel(), rng.normal(size=12)])
     direction = rng.normal(size=3)
     bearing = direction / np.linalg.norm(direction) if dim == 3 else rng.uniform(-np.pi, np.pi, 1)
     if model == "bearing":
@@ -160,7 +167,7 @@ def combinations():
     """Every (model, dim, kinds) that the kernel relates."""
     in_space, targets = (POSE2, POSE3), (POSE2, POSE3, POINT3)
     out = [("relative_pose", 2, (POSE2, POSE2))]
-    out += [("relative_pose", 3, (a, b)) for a in in_space for b in in_space]
+    out += [(model, 3, (a, b)) for model in ("relative_pose", "corners") for a in in_space for b in in_space]
     for model in ("point", "range", "bearing", "range_bearing"):
         out += [(model, 2, (POSE2, b)) for b in (POSE2, POSE3, POINT2, POINT3)]
         out += [(model, 3, (a, b)) for a in in_space for b in targets]

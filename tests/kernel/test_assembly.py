@@ -77,7 +77,9 @@ def problems(draw):
         sensor = measurement(rng, "pose", dim) if draw(st.booleans()) else None
         if sensor is not None and any(variables.kinds[row[0]] in (POINT2, POINT3) for row in index):
             sensor = None
-        r = {"relative_pose": 3 * dim - 3, "pose": 3 * dim - 3, "range": 1, "bearing": dim - 1}.get(model, dim)
+        r = {"relative_pose": 3 * dim - 3, "pose": 3 * dim - 3, "range": 1, "bearing": dim - 1, "corners": 8}.get(
+            model, dim
+        )
         whitening = rng.normal(size=(1 if draw(st.booleans()) else len(index), r, r))
         loss = draw(st.sampled_from(LOSSES))
         weights = rng.random(len(index)) if draw(st.booleans()) else None

@@ -52,7 +52,9 @@ def test_tables_of_the_right_shape_with_any_numbers(data):
     rng = np.random.default_rng(data.draw(st.integers(0, 100)))
     keys = 1 if model in ("position", "pose") else 2
     m = data.draw(st.integers(0, 3))
-    r = {"relative_pose": 3 * dim - 3, "pose": 3 * dim - 3, "range": 1, "bearing": dim - 1}.get(model, dim)
+    r = {"relative_pose": 3 * dim - 3, "pose": 3 * dim - 3, "range": 1, "bearing": dim - 1, "corners": 8}.get(
+        model, dim
+    )
     index = data.draw(hnp.arrays(np.int64, (m, keys), elements=st.integers(-1, 5)))
     z = np.array([measurement(rng, model, dim) for _ in range(m)] or np.zeros((0, 1)))
     if data.draw(st.booleans()) and z.size:

@@ -112,7 +112,9 @@ def test_whatever_is_not_related_is_refused():
             if (model, dim, kinds) in known:
                 continue
             r = len(z) if model != "bearing" else dim - 1
-            r = {"relative_pose": DOFS[dim - 2], "pose": DOFS[dim - 2], "range_bearing": dim}.get(model, r)
+            r = {"relative_pose": DOFS[dim - 2], "pose": DOFS[dim - 2], "range_bearing": dim, "corners": 8}.get(
+                model, r
+            )
             with pytest.raises(ModelError, match=f"cannot relate {KIND_NAMES[kinds[0]]}"):
                 problem_of((model, dim, kinds), z, None, np.eye(r))
 

@@ -121,7 +121,7 @@ class Pose:
     def __len__(self) -> int:
         return len(self.translation)
 
-    def __getitem__(self, index: int | slice | IntArray | tuple[slice | None, ...] | None) -> "Pose":
+    def __getitem__(self, index: int | slice | IntArray | list[int] | tuple[slice | int | None, ...] | None) -> "Pose":
         """The poses at an index of the leading axes."""
         return Pose(self.rotation[index], self.translation[index])
 

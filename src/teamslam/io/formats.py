@@ -35,6 +35,11 @@ class Format:
 
 FORMATS: dict[str, Format] = {
     "plain": Format("teamslam.io.plain", "teamslam's own: a folder with team.toml and CSV files"),
+    "recordings": Format(
+        "teamslam.io.bags.team",
+        "recordings of ROS: a team file (.toml) that names bags, cameras and tags",
+        writes=False,
+    ),
     "mrclam": Format("teamslam.io.logs.mrclam", "UTIAS MRCLAM: a folder with Barcodes.dat, RobotN_*.dat", writes=False),
     "islsjf": Format(
         "teamslam.io.logs.islsjf", "Victoria Park's clean log and simulated runs of I-SLSJF", writes=False

@@ -42,8 +42,8 @@ MAGIC = {
     b"\x1f\x8b": "compressed (gzip): unpack it with gunzip, and then with tar -xf where it is an archive",
     b"BZh": "compressed (bzip2): unpack it with bunzip2, and then with tar -xf where it is an archive",
     b"PK\x03\x04": "a zip archive: unpack it, and give the folder",
-    b"#ROSBAG": "a ROS bag: `teamslam info` lists what it holds; to map it, export rows as CSV (the plain format)",
-    b"SQLite": "a database: `teamslam info` lists what a ROS 2 recording holds; to map it, export rows as CSV",
+    b"#ROSBAG": "a ROS bag: `teamslam info` lists what it holds, and proposes a team file; map that",
+    b"SQLite": "a database: of a ROS 2 recording `teamslam info` lists what it holds, and proposes a team file",
     b"\x89HDF": "an HDF5 file (MATLAB 7.3 among others): save MATLAB data again with '-v7'",
     b"MATLAB": "a MATLAB file; of these, I-SLSJF's logs and local maps are read",
 }

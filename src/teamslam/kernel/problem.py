@@ -14,7 +14,7 @@ from teamslam.kernel.library import Floats, InKernel, Integers, checked, floats,
 from teamslam.kernel.pattern import BlockPattern
 
 # Names in the order of the kernel's numbers (cpp/models.hpp, cpp/losses.hpp, cpp/curvature.hpp).
-MODELS = ("relative_pose", "point", "range", "bearing", "range_bearing", "position", "pose")
+MODELS = ("relative_pose", "point", "range", "bearing", "range_bearing", "position", "pose", "corners")
 LOSSES = ("squared", "huber", "cauchy", "geman_mcclure")
 CURVATURES = ("none", "losses", "all")
 

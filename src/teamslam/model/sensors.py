@@ -13,9 +13,15 @@ losses, simulation, start values) follows from these two functions; the built-in
 | range_bearing | pose, any       | range, then bearing                                | both                  |
 | position      | any             | position (d) in the world frame                    | z - h                 |
 | pose          | pose            | pose in the world frame, as relative_pose          | as relative_pose      |
+| corners       | pose, pose      | space: 4 unit vectors (12) to points of the target | sphere's Log of each  |
+|               |                 | that are given (12), in the target's own frame     |                       |
 
 Equations (3)-(5) of the paper with the corrections of the theory page: R is transposed, the rotation enters as the
 vector Log and with the sign of z (-) h. "any" is a landmark or a robot's pose, whose position is meant.
+
+The corners of a tag are a measurement of its own: what a camera sees are four directions, and a pose made of them is no
+Gaussian where a tag is small or seen from the front. Where its corners are in the body that carries it is given, and
+stands in each row: so tags of all sizes, and all faces of a cube, are rows of one table.
 """
 
 from collections.abc import Callable
@@ -36,10 +42,12 @@ class Model:
     `predict(observer, target)` gives h (m, size) from Poses (m,) and Poses or points; `minus(z, h)` gives e (m, rows).
     `size` and `rows` are indexed by the dimension 2 or 3 of the measurement. `unary` models have no observer but the
     world (the predicted pose or position is that of the target). `native` is the kernel's name for it, if it has one.
-    `parts` names the rows of a residual in the plane and in space.
+    `parts` names the rows of a residual in the plane and in space. Of a measurement's numbers the last `given` are not
+    measured but known of what is seen: `predict` then takes them (m, given) after the dimension, and returns them as
+    they are. A model of size 0 is not measured in that dimension.
     """
 
-    predict: Callable[[Pose, Target, int], Array]
+    predict: Callable[..., Array]
     minus: Callable[[Array, Array, int], Array]
     size: tuple[int, int]
     rows: tuple[int, int]
@@ -47,6 +55,12 @@ class Model:
     targets_pose: bool = False
     native: bool = False
     parts: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    given: int = 0
+
+    @property
+    def measures_pose(self) -> bool:
+        """Whether a measurement is itself a pose: T, then R row by row."""
+        return self.targets_pose and not self.given
 
     def z_size(self, dim: int) -> int:
         """Numbers in one measurement of dimension 2 or 3."""
@@ -118,10 +132,25 @@ def _pose(observer: Pose, target: Target, dim: int) -> Array:
     return pack(target.lift(dim))
 
 
+def _corners(observer: Pose, target: Target, dim: int, places: Array) -> Array:
+    assert isinstance(target, Pose)
+    pose, points = observer.between(target), places.reshape(*places.shape[:-1], 4, 3)
+    seen = points @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[..., None, :]
+    rays = directions(dim).of(seen)
+    return np.concatenate([rays.reshape(*rays.shape[:-2], 12), places], -1)
+
+
+def _minus_corners(z: Array, h: Array, dim: int) -> Array:
+    one, other = (numbers[..., :12].reshape(*numbers.shape[:-1], 4, 3) for numbers in (z, h))
+    off = directions(dim).minus(one, other)
+    return np.asarray(off.reshape(*off.shape[:-2], 8))
+
+
 PLACE = (("x", "y"), ("x", "y", "z"))
 POSE = (("x", "y", "theta"), ("x", "y", "z", "rx", "ry", "rz"))  # of a rotation in space: about the body's axes
 DISTANCE = (("range",), ("range",))
 DIRECTION = (("bearing",), ("azimuth", "elevation"))
+OF_CORNERS = ((), tuple(f"{angle}_{corner}" for corner in "1234" for angle in ("azimuth", "elevation")))
 BOTH = (("range", "bearing"), ("range", "azimuth", "elevation"))
 
 MODELS: dict[str, Model] = {
@@ -132,4 +161,7 @@ MODELS: dict[str, Model] = {
     "range_bearing": Model(_range_bearing, _minus_range_bearing, (2, 4), (2, 3), native=True, parts=BOTH),
     "position": Model(_position, _difference, (2, 3), (2, 3), unary=True, native=True, parts=PLACE),
     "pose": Model(_pose, _minus_pose, (6, 12), (3, 6), unary=True, targets_pose=True, native=True, parts=POSE),
+    "corners": Model(
+        _corners, _minus_corners, (0, 24), (0, 8), targets_pose=True, native=True, parts=OF_CORNERS, given=12
+    ),
 }

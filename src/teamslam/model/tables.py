@@ -51,6 +51,8 @@ class Table:
         if self.dim not in (2, 3):
             raise ModelError(f"a measurement lives in the plane (2) or in space (3), found dimension {self.dim}")
         m, row = len(self.keys), self.row
+        if not row.z_size(self.dim):
+            raise ModelError(f"{self.source}: {self.model} are not measured in dimension {self.dim}")
         size, rows = row.z_size(self.dim), row.residual_rows(self.dim)
         expected: dict[str, tuple[tuple[int, ...], list[tuple[int, ...]]]] = {
             "keys": (self.keys.shape, [(m, 1 if row.unary else 2)]),
@@ -135,10 +137,12 @@ class Table:
         dim = max(self.dim, of_target, of_observer, self.sensor.dim if self.sensor is not None else 2)
         lifted = target.lift(dim) if isinstance(target, Pose) else lift_points(target, dim)
         mount = Pose.identity(dim) if self.sensor is None else self.sensor.lift(dim)
+        times = len(lifted) // max(len(self), 1)  # all rows may be seen several times over
+        given = (np.tile(self.values[:, -self.row.given :], (times, 1)),) if self.row.given else ()
         if observer is None:  # in the world it is the sensor that is measured: an antenna on its mast
             carried = lifted @ mount if self.sensor is not None and isinstance(lifted, Pose) else lifted
-            return self.row.predict(Pose.identity(dim, (len(lifted),)), carried, self.dim)
-        return self.row.predict(observer.lift(dim) @ mount, lifted, self.dim)
+            return self.row.predict(Pose.identity(dim, (len(lifted),)), carried, self.dim, *given)
+        return self.row.predict(observer.lift(dim) @ mount, lifted, self.dim, *given)
 
     def predict(self, values: Values) -> Array:
         """What should have been measured, h (m, size), were `values` the truth (in the frame of `values`)."""

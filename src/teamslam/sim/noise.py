@@ -69,6 +69,11 @@ def _range_then_direction(h: Array, n: Array, dim: int) -> Array:
     return np.concatenate([_add_range(h[:, :1], n[:, :1], dim), _turn_direction(h[:, 1:], n[:, 1:], dim)], -1)
 
 
+def _turn_directions(h: Array, n: Array, dim: int) -> Array:
+    rays = directions(dim).plus(h[:, :12].reshape(-1, 3), n.reshape(-1, 2))
+    return np.concatenate([rays.reshape(-1, 12), h[:, 12:]], -1)
+
+
 NOISES: dict[str, Noise] = {
     "relative_pose": Noise((2, 3), (1, 3), _turn),
     "point": Noise((2, 3), (0, 0), _add),
@@ -77,4 +82,5 @@ NOISES: dict[str, Noise] = {
     "range_bearing": Noise((1, 1), (1, 2), _range_then_direction),
     "position": Noise((2, 3), (0, 0), _add),
     "pose": Noise((2, 3), (1, 3), _turn),
+    "corners": Noise((0, 0), (0, 8), _turn_directions),
 }

@@ -50,7 +50,7 @@ class Sensor:
     outliers: float = 0.0
 
     def __post_init__(self) -> None:
-        names = [name for name, row in MODELS.items() if not row.unary]
+        names = [name for name, row in MODELS.items() if not (row.unary or row.given)]
         _check(self.model in names, "model", f"a sensor is one of {', '.join(names)}", self.model)
         for name in ("sigma_m", "sigma_rad", "range_m"):
             _check(0.0 < getattr(self, name) < np.inf, name, "a number above zero is needed", getattr(self, name))
@@ -134,7 +134,7 @@ def _with_noise(table: Table, sigma: Array, truth: Values, rng: np.random.Genera
 def _with_outliers(table: Table, sensor: Sensor, rng: np.random.Generator) -> Table:
     wrong = rng.random(len(table)) < sensor.outliers
     ghosts = anywhere_in_view(len(table), table.dim, sensor.range_m, sensor.field_of_view_rad, rng)
-    target = ghosts if table.row.targets_pose else ghosts.translation
+    target = ghosts if table.row.measures_pose else ghosts.translation
     eye = Pose.identity(table.dim, (len(table),))
     seen = table.row.predict(eye, target, table.dim)
     return replace(table, values=np.where(wrong[:, None], seen, table.values))

@@ -30,10 +30,10 @@ def put_tables(out: Writer, tables: Sequence[Table], known: IntArray, precision:
     numbers = sum(t.dof for t in tables)
     exact = not precision.shift_sigma
     fineness = 0.0 if exact else precision.shift_sigma * np.sqrt(12.0 / max(numbers, 1))
-    rounded = [(None, t.values) if exact else _round_measured(t, fineness) for t in tables]
+    rounded = [_rounded(t, fineness, exact) for t in tables]
     while not exact and (shift := _shift(tables, [z for _, z in rounded])) > precision.shift_sigma:
         fineness *= 0.9
-        rounded = [_round_measured(t, fineness) for t in tables]
+        rounded = [_rounded(t, fineness, exact) for t in tables]
     eta = 0.0
     for table, (steps, _) in zip(tables, rounded, strict=True):
         out.text(table.source)
@@ -50,7 +50,7 @@ def put_tables(out: Writer, tables: Sequence[Table], known: IntArray, precision:
         out.columns(table.ids[:, None])
         eta = max(eta, _put_whitening(out, table, precision.information))
         if steps is None:
-            kind = Kind(table.dim - 2) if table.row.targets_pose else Kind.POINT2
+            kind = Kind(table.dim - 2) if table.row.measures_pose else Kind.POINT2
             out.number(0)
             put_rows(out, table.values, kind) if kind.is_pose else out.reals(table.values)
         else:
@@ -78,7 +78,7 @@ def get_tables(source: Reader, known: IntArray) -> tuple[Table, ...]:
         if source.number() == 0:
             kind = Kind(dim - 2)
             size = row.z_size(dim)
-            values = get_rows(source, m, kind) if row.targets_pose else source.reals(m * size).reshape(m, size)
+            values = get_rows(source, m, kind) if row.measures_pose else source.reals(m * size).reshape(m, size)
         else:
             exponents = source.columns(len(whitening), row.residual_rows(dim))
             integers = source.columns(m, row.residual_rows(dim))
@@ -101,7 +101,7 @@ def _get_sensor(source: Reader) -> Pose | None:
 
 def _coordinates(values: Array, model: str, dim: int) -> Array:
     """A measurement in as many numbers as its residual has rows: rotations by their Log, directions by two angles."""
-    if MODELS[model].targets_pose:
+    if MODELS[model].measures_pose:
         pose = unpack(values, Kind(dim - 2))
         assert isinstance(pose, Pose)
         return pose.minus(Pose.identity(dim, (len(values),)))
@@ -113,12 +113,17 @@ def _coordinates(values: Array, model: str, dim: int) -> Array:
 
 def _measured(coordinates: Array, model: str, dim: int) -> Array:
     """The measurement from its coordinates."""
-    if MODELS[model].targets_pose:
+    if MODELS[model].measures_pose:
         return pack(Pose(rotations(dim).exp(coordinates[:, dim:]), coordinates[:, :dim]))
     if model in ("bearing", "range_bearing"):
         sphere = directions(dim)
         return np.concatenate([coordinates[:, : -sphere.DOF], sphere.of_angles(coordinates[:, -sphere.DOF :])], -1)
     return coordinates
+
+
+def _rounded(table: Table, fineness: float, exact: bool) -> tuple[tuple[IntArray, IntArray] | None, Array]:
+    """As `_round_measured`; to the bit where that is asked for, and where a row holds what was not measured."""
+    return (None, table.values) if exact or table.row.given else _round_measured(table, fineness)
 
 
 def _round_measured(table: Table, fineness: float) -> tuple[tuple[IntArray, IntArray], Array]:

@@ -113,7 +113,8 @@ def any_log(draw: st.DrawFn) -> Dataset:
 
 
 def _any_table(rng: np.random.Generator, robots: dict[int, int], poses: IntArray, marks: IntArray) -> Table:
-    model, dim, count = str(rng.choice(list(MODELS))), int(rng.choice([2, 3])), int(rng.integers(0, 4))
+    dim, count = int(rng.choice([2, 3])), int(rng.integers(0, 4))
+    model = str(rng.choice([name for name, row in MODELS.items() if row.z_size(dim)]))
     robot = int(rng.choice(list(robots)))
     target = rng.choice(poses if rng.random() < 0.5 else marks, count)
     own = poses[poses >> 51 == robot]

@@ -119,7 +119,7 @@ def _measurements(table: Table, tag: str, words: _Words) -> list[str]:
     """The lines of one table."""
     rows = table.row.residual_rows(table.dim)
     covariances = np.broadcast_to(covariance_of_whitening(table.whitening), (len(table), rows, rows))
-    kind = Kind(table.dim - 2) if table.row.targets_pose else Kind(table.dim)
+    kind = Kind(table.dim - 2) if table.row.measures_pose else Kind(table.dim)
     values = table.values if tag == RANGE else state_columns(table.values, kind)
     above = np.triu_indices(rows)
     numbers = rows_of_text(np.concatenate([values, covariances[:, above[0], above[1]]], -1))

@@ -7,9 +7,12 @@
 | range                | range              | range (with dim = 3)             |
 | bearing              | bearing            | azimuth, elevation               |
 | range_bearing        | range, bearing     | range, azimuth, elevation        |
+| corners              | -                  | azimuth_1, elevation_1 to _4,    |
+|                      |                    | x_1, y_1, z_1 to _4              |
 
-Angles in radians, anticlockwise; azimuth from x towards y, elevation from the xy plane towards z. The components of the
-noise are called by the columns; those of a rotation in space rx, ry, rz (about the measured body's axes).
+Angles in radians, anticlockwise; azimuth from x towards y, elevation from the xy plane towards z. Of corners x, y, z
+are their places in the frame of what carries them, and known. The components of the noise are called by the columns;
+those of a rotation in space rx, ry, rz (about the measured body's axes).
 """
 
 from collections.abc import Callable
@@ -17,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from teamslam.errors import InputError, ModelError
-from teamslam.geometry import Array, IntArray, Pose
+from teamslam.geometry import Array, IntArray, Pose, directions
 from teamslam.io.files.csv_file import Csv
 from teamslam.model import MODELS, Kind, Table, pack, whitening, whitening_of_information
 from teamslam.model.sensors import pose_of
@@ -25,14 +28,15 @@ from teamslam.model.sensors import pose_of
 POSE = {2: ("x", "y", "theta"), 3: ("x", "y", "z", "qw", "qx", "qy", "qz")}
 POINT = {2: ("x", "y"), 3: ("x", "y", "z")}
 ANGLES = {2: ("bearing",), 3: ("azimuth", "elevation")}
+CORNERS = tuple(f"{name}_{corner}" for name in (*ANGLES[3], *POINT[3]) for corner in "1234")
 
 
 def value_columns(model: str, dim: int) -> tuple[str, ...]:
     """The columns of a measurement."""
-    if MODELS[model].targets_pose:
+    if MODELS[model].measures_pose:
         return POSE[dim]
     return {"point": POINT[dim], "position": POINT[dim], "range": ("range",), "bearing": ANGLES[dim],
-            "range_bearing": ("range", *ANGLES[dim])}[model]  # fmt: skip
+            "range_bearing": ("range", *ANGLES[dim]), "corners": CORNERS if dim == 3 else ()}[model]  # fmt: skip
 
 
 def components(model: str, dim: int) -> tuple[str, ...]:
@@ -65,11 +69,14 @@ def dim_of(csv: Csv, model: str, stated: int | None, default: int) -> int:
 
     InputError where neither plane's nor space's columns are all there, or the columns contradict what is stated.
     """
-    fits = [dim for dim in (3, 2) if csv.has(*value_columns(model, dim))]
+    able = [dim for dim in (3, 2) if value_columns(model, dim)]
+    fits = [dim for dim in able if csv.has(*value_columns(model, dim))]
     if not fits:
         plane, space = (", ".join(value_columns(model, dim)) for dim in (2, 3))
-        shapes = plane if plane == space else f"{plane} (plane) or {space} (space)"
+        shapes = space if plane == space or not plane else f"{plane} (plane) or {space} (space)"
         raise InputError(f"a {model} needs the columns {shapes}; found {', '.join(csv.columns)}", path=csv.path, line=1)
+    if stated is not None and stated not in able:
+        raise InputError(f"dim = {stated}, but {model} are measured in space", path=csv.path)
     if stated is not None and stated not in fits:
         missing = next(name for name in value_columns(model, stated) if not csv.has(name))
         raise InputError(f"dim = {stated}, but there is no such column", path=csv.path, line=1, field=missing)
@@ -80,11 +87,15 @@ def dim_of(csv: Csv, model: str, stated: int | None, default: int) -> int:
 
 def read_values(csv: Csv, model: str, dim: int) -> Array:
     """The measurements (m, size) as MODELS has them."""
-    if MODELS[model].targets_pose:
+    if MODELS[model].measures_pose:
         return pack(read_poses(csv, dim))
     numbers = csv.numbers(*value_columns(model, dim))
     if model in ("range", "range_bearing"):
         _check_ranges(csv, numbers[:, 0])
+    if model == "corners":
+        azimuth, elevation, *places = numbers.reshape(len(numbers), 5, 4).swapaxes(0, 1)
+        rays = directions(3).of_angles(np.stack([azimuth, elevation], -1))
+        return np.concatenate([rays.reshape(-1, 12), np.stack(places, -1).reshape(-1, 12)], 1)
     if dim == 3 and model in ("bearing", "range_bearing"):
         azimuth, elevation = numbers[:, -2], numbers[:, -1]
         flat = np.cos(elevation)
@@ -125,8 +136,12 @@ def _check_ranges(csv: Csv, ranges: Array) -> None:
 
 def write_values(table: Table) -> Array:
     """The inverse of `read_values`: (m, columns)."""
-    if table.row.targets_pose:
+    if table.row.measures_pose:
         return write_poses(pose_of(table.values, table.dim))
+    if table.model == "corners":
+        angles = directions(3).angles(table.values[:, :12].reshape(-1, 4, 3))
+        places = table.values[:, 12:].reshape(-1, 4, 3)
+        return np.concatenate([angles, places], -1).swapaxes(1, 2).reshape(-1, 20)
     if table.dim == 3 and table.model in ("bearing", "range_bearing"):
         x, y, z = table.values[:, -3:].T
         angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], -1)

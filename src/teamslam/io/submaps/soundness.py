@@ -15,6 +15,9 @@ from teamslam.model.keys import MAX_ROBOT
 LARGEST = 1e60  # its fourth power is still a number
 ESTIMATED, MEASURED = 1e-8, 1e-5  # how far from orthonormal rotations may be; the kernel takes what is measured so
 
+RAYS = {"bearing": slice(0, 3), "range_bearing": slice(1, 4), "corners": slice(0, 12)}
+"""Which numbers of a measurement in space are unit vectors."""
+
 
 def check_numbers(numbers: AnyArray, field: str) -> None:
     """Raise InputError where a number is not finite, or too large to be computed with."""
@@ -76,12 +79,12 @@ def check_raw(submap: Submap) -> None:
 
 def _check_measured(table: Table) -> None:
     check_numbers(table.values, f"{table.source} values")
-    if table.row.targets_pose:
+    if table.row.measures_pose:
         measured = unpack(table.values, Kind(table.dim - 2))
         assert isinstance(measured, Pose)
         check_rotations(measured, f"{table.source} values", MEASURED)
-    elif table.dim == 3 and table.model in ("bearing", "range_bearing"):
-        length = np.linalg.norm(table.values[:, -3:], axis=-1)
+    elif table.dim == 3 and (rays := RAYS.get(table.model)):
+        length = np.linalg.norm(table.values[:, rays].reshape(-1, 3), axis=-1)
         if (np.abs(length - 1.0) > 0.5 * MEASURED).any():
             raise InputError("a direction in space is no unit vector", field=f"{table.source} values")
 

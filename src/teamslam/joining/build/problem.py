@@ -18,6 +18,7 @@ from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
+from teamslam.joining.start.whole_poses import tells_pose
 from teamslam.model import (
     Dataset,
     Layout,
@@ -158,7 +159,7 @@ def _holds(table: Table, robot: int, poses: IntArray, known: Layout) -> BoolArra
 
 def _sees_a_pose(tables: Iterable[Table]) -> bool:
     """Whether some row tells a whole pose."""
-    return any(t.model == "relative_pose" and (t.ranks == t.row.residual_rows(t.dim)).any() for t in tables)
+    return any(tells_pose(t) and (t.ranks == t.row.residual_rows(t.dim)).any() for t in tables)
 
 
 def the_robot(piece: Dataset) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, rotations
 from teamslam.joining.start.targets import WHOLE, measured_positions
+from teamslam.joining.start.whole_poses import as_relative_poses
 from teamslam.model import WORLD, Kind, Submap, Table, is_landmark, robot_of, unpack, variances
 from teamslam.solver import Covariances
 
@@ -104,6 +105,7 @@ def _sketch(submap: Submap, wanted: IntArray, raw: bool) -> Outline:
     own = poses & np.isin(robot_of(keys), submap.robots)
     parts = [Outline(keys, values.positions(keys, 3), turns, poses, *_variances(submap, keys), own)]
     for table in submap.raw if raw else ():
+        table = as_relative_poses(table)
         if table.model not in (*WHOLE, "relative_pose"):
             continue
         whole = np.isfinite(variances(table.whitening)).all(-1)

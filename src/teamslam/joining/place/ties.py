@@ -222,7 +222,12 @@ class Tied:
         return np.concatenate([*ends, *seen, np.zeros(0)])
 
 
-_LENGTHS = {"range": 1, "range_bearing": 1, "bearing": 0}  # numbers of a measurement that are lengths, where not `dim`
+_LENGTHS = {
+    "range": 1,
+    "range_bearing": 1,
+    "bearing": 0,
+    "corners": 0,
+}  # numbers of a measurement that are lengths, where not `dim`
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
     relative poses close loops    `chordal`: headings and places in closed form
     the heading stays known       dead reckoning
     it may be lost by a turn      dead reckoning, and bent ways (`wound`), where the way is short
+    it is lost in space           `by_targets`, where tags were seen
     it is lost on a long way      `grown` from short stretches, by the landmarks
     what comes of these misfits   `driven`: solved part by part, in the order in which the robot went
 
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from teamslam.joining.start.by_targets import by_targets
 from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.dead_reckoning import dead_reckoning
 from teamslam.joining.start.driven import driven
@@ -64,6 +66,8 @@ def ways(piece: Dataset, robot: int) -> list[Values]:
     variances = heading_variances(piece, robot, keys)
     if not np.isfinite(variances).all() or variances.sum() <= HEADING_SIGMA**2:
         return [way]
+    if dim == 3 and (led := by_targets(piece.tables, way, variances)) is not None:
+        return [led]
     if len(keys) <= SHORT:
         return wound(way, variances)
     return [grown(piece, robot, way, local_kinds(piece.layout, dim))] if _sees_landmarks(piece) else [way]

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, directions, lift_points
+from teamslam.geometry import Array, IntArray, Pose, concatenate, directions, lift_points
+from teamslam.joining.start.whole_poses import as_relative_poses, tells_pose, voted
 from teamslam.model import Kind, Layout, Table, Values, unpack
 
 WHOLE = ("point", "range_bearing")  # models that fix a position at once
@@ -31,7 +32,7 @@ def sightings(
 
     `whole_pose`: relative poses, for targets that are poses; else positions, for targets that are points.
     """
-    if whole_pose != (table.model == "relative_pose") or (not whole_pose and table.model not in WHOLE):
+    if whole_pose != tells_pose(table) or (not whole_pose and table.model not in WHOLE):
         return None
     targets = table.keys[:, 1]
     new = values.layout.contains(table.keys[:, 0]) & ~values.layout.contains(targets)
@@ -46,12 +47,22 @@ def sightings(
         of_kind = rows[kinds[rows] == kind]
         part = table.select(of_kind)
         observer = values.poses_of(part.keys[:, 0], max(kind.dim, part.dim))
-        if whole_pose:
-            seen: Pose | Array = _shadow_pose(observer @ measured_poses(part, observer.dim), kind.dim)
+        if part.model == "corners":
+            stands = concatenate([_voted(table, values, key) for key in part.keys[:, 1].tolist()])
+            seen: Pose | Array = _shadow_pose(stands, kind.dim)
+        elif whole_pose:
+            seen = _shadow_pose(observer @ measured_poses(part, observer.dim), kind.dim)
         else:
             seen = observer.act(lift_points(measured_positions(part), observer.dim))[:, : kind.dim]
         found[kind] = (part.keys[:, 1], seen)
     return found
+
+
+def _voted(table: Table, values: Values, target: int) -> Pose:
+    """Where a target stands by all its sightings from poses that have a place: one alone may stand for two poses."""
+    whole = table.ranks == table.row.residual_rows(table.dim)
+    rows = np.flatnonzero((table.keys[:, 1] == target) & values.layout.contains(table.keys[:, 0]) & whole)
+    return voted(table.select(rows), values.poses_of(table.keys[rows, 0], 3))
 
 
 def measured_positions(table: Table) -> Array:
@@ -66,9 +77,9 @@ def measured_positions(table: Table) -> Array:
 
 
 def measured_poses(table: Table, dim: int) -> Pose:
-    """The targets' poses in their observers' bodies (m,), from relative poses: their shadow on the ground where the
-    space has two dimensions, upright where it has three and they were measured on the ground."""
-    measured = unpack(table.values, Kind(table.dim - 2))
+    """The targets' poses in their observers' bodies (m,), from relative poses or corners: their shadow on the ground
+    where the space has two dimensions, upright where it has three and they were measured on the ground."""
+    measured = unpack(as_relative_poses(table).values, Kind(table.dim - 2))
     assert isinstance(measured, Pose)
     seen = of_bodies(table, measured).lift(max(dim, table.dim))
     return Pose(seen.rotation[..., :dim, :dim], seen.translation[..., :dim])

@@ -1,0 +1,1 @@
+"""Tags: from corners in images to rows. Camera models, how well a corner is known, and which body carries which tag."""

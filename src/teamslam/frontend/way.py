@@ -1,0 +1,92 @@
+"""A robot's way as rows: odometry between keyframes with its jumps taken out, and a motion model where there is none.
+
+Odometry that was optimised on the way (visual-inertial, or with loops closed) jumps: between two messages it is off by
+far more than the robot can move. A step is a jump where its speed exceeds the stated fastest, and a step that jumped
+tells nothing: the robot is taken to have gone on as the motion model says, with its uncertainty.
+
+    between keyframes:   X_a^-1 X_b, steps composed; covariance grows with time and with the way
+    motion model:        stands still, give or take speed * dt and turn * dt (a camera carried by hand)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.frontend.interpolate import interpolate
+from teamslam.frontend.streams import TICKS_PER_S, Track
+from teamslam.geometry import Array, BoolArray, IntArray, Pose
+
+
+@dataclass(frozen=True)
+class WayNoise:
+    """What is stated of a robot's motion: `speed_m_s` and `turn_rad_s`, the usual ones of the motion model;
+    `fastest_m_s`, beyond which odometry jumped; its noise per root of a second and of a metre (`drift_m`, `slip_m`),
+    and per root of a second and of a radian in turning (`drift_rad`, `slip_rad`)."""
+
+    speed_m_s: float = 1.0
+    turn_rad_s: float = 1.0
+    fastest_m_s: float = 3.0
+    fastest_rad_s: float = 6.0
+    drift_m: float = 0.01
+    slip_m: float = 0.03
+    drift_rad: float = 0.003
+    slip_rad: float = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Relative poses (n - 1,) between keyframes with covariances (n - 1, 6, 6), and the instants [ticks] at which
+    odometry jumped or was missing."""
+
+    poses: Pose
+    covariances: Array
+    jumps: IntArray
+    missing: int
+
+
+def standing(dt_s: Array, noise: WayNoise) -> tuple[Pose, Array]:
+    """The motion model: relative poses (n,) over times (n,) [s], and their variances (n, 6)."""
+    spread = np.zeros((len(dt_s), 6))
+    spread[:, :3] = (np.maximum(noise.speed_m_s * dt_s, 1e-3) ** 2)[:, None]
+    spread[:, 3:] = (np.maximum(noise.turn_rad_s * dt_s, 1e-3) ** 2)[:, None]
+    return Pose.identity(3, (len(dt_s),)), spread
+
+
+def steps_between(track: Track, keyframes: IntArray, noise: WayNoise, longest_s: float = 1.0) -> Steps:
+    """The way between keyframes [ticks] by odometry, and by the motion model where that jumped or is missing."""
+    dt = np.diff(keyframes) / TICKS_PER_S
+    still, spread = standing(dt, noise)
+    none = np.zeros(0, np.int64)
+    if len(track) < 2:
+        return Steps(still, diagonal(spread), none, len(dt))
+    order = np.argsort(track.ticks, kind="stable")
+    order = order[np.append(True, np.diff(track.ticks[order]) > 0)]
+    track = track.select(order)
+    jumped = jumps(track, noise)
+    poses, held = interpolate(track.ticks, track.poses, keyframes, round(longest_s * TICKS_PER_S))
+    steps = poses[:-1].between(poses[1:])
+    first, last = np.searchsorted(track.ticks, keyframes[:-1], "right") - 1, np.searchsorted(track.ticks, keyframes[1:])
+    count = np.concatenate([[0], np.cumsum(jumped)])
+    clean = count[np.clip(last, 0, len(jumped))] - count[np.clip(first, 0, len(jumped))] == 0
+    good = held[:-1] & held[1:] & clean
+    way = np.linalg.norm(steps.translation, axis=-1)
+    turn = np.linalg.norm(steps.minus(still)[:, 3:], axis=-1)
+    spread[good, :3] = (noise.drift_m**2 * dt + noise.slip_m**2 * way)[good, None]
+    spread[good, 3:] = (noise.drift_rad**2 * dt + noise.slip_rad**2 * turn)[good, None]
+    each = good[:, None, None]
+    steps = Pose(np.where(each, steps.rotation, still.rotation), np.where(good[:, None], steps.translation, 0.0))
+    return Steps(steps, diagonal(spread), track.ticks[1:][jumped], int(np.count_nonzero(~(held[:-1] & held[1:]))))
+
+
+def jumps(track: Track, noise: WayNoise) -> BoolArray:
+    """Which steps (n - 1,) of odometry in time order are faster than the robot can be."""
+    dt = np.diff(track.ticks) / TICKS_PER_S
+    step = track.poses[:-1].between(track.poses[1:])
+    way = np.linalg.norm(step.translation, axis=-1)
+    turn = np.linalg.norm(step.minus(Pose.identity(3, (len(dt),)))[:, 3:], axis=-1)
+    return np.asarray((way > noise.fastest_m_s * dt) | (turn > noise.fastest_rad_s * dt))
+
+
+def diagonal(variances: Array) -> Array:
+    """Covariances (..., k, k) of numbers that are independent."""
+    return variances[..., None] * np.eye(variances.shape[-1])

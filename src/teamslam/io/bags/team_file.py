@@ -1,0 +1,202 @@
+"""The team file: which recordings are robots, where their cameras are, and which tags there are. TOML.
+
+[tags]                            what holds for all tags
+size_m = 0.15                     the edge of the black square
+[tags.sizes_m]                    exceptions, by number
+7 = 0.30
+
+[[robot]]
+name = "one"
+recording = "one.bag"             beside this file, or absolute
+odometry = "/odom"                a topic; without it the motion model ties frames
+[[robot.camera]]
+name = "left"
+tags = "/left/tags"               a topic of detections
+calibration = "/left/camera_info" a topic, or a file
+xyz_m = [0.1, 0.0, 0.2]           of the camera in the body that odometry moves; z ahead, x right
+quaternion_wxyz = [1, 0, 0, 0]
+[[robot.tag]]                     a tag on the robot: who sees it, sees the robot
+number = 100
+xyz_m = [0.0, 0.07, 0.3]
+
+[[landmark]]                      a landmark that carries several tags
+name = "box"
+[[landmark.tag]]
+number = 20
+"""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.frontend.tags.rows import Tag
+from teamslam.geometry import Pose
+
+
+class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A pose in a body: where, and how it is turned, as a quaternion or a rotation vector [rad]."""
+
+    xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    quaternion_wxyz: tuple[float, float, float, float] | None = None
+    rotation_vector: tuple[float, float, float] | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """As a Pose. InputError for a quaternion of length zero, or both ways of turning at once."""
+        if self.quaternion_wxyz is not None and self.rotation_vector is not None:
+            raise InputError("give quaternion_wxyz or rotation_vector, not both")
+        if self.rotation_vector is not None:
+            return Pose.from_tangent(np.array([*self.xyz_m, *self.rotation_vector]), 3)
+        turn = np.array(self.quaternion_wxyz or (1.0, 0.0, 0.0, 0.0))
+        if not 0.5 < np.linalg.norm(turn) < 2.0:
+            raise InputError(f"a quaternion has length 1, found {np.linalg.norm(turn):g}", field="quaternion_wxyz")
+        return Pose.from_quaternion(np.array(self.xyz_m), turn)
+
+
+class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A tag on a body."""
+
+    number: int
+    size_m: float | None = None
+
+
+class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A camera of a robot. `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s` is how long
+    before its stamp an image was taken."""
+
+    name: str
+    tags: str
+    calibration: str
+    calibration_name: str | None = None
+    floor_px: float = 0.5
+    edge_px: float = 0.5
+    delay_s: float = 0.0
+
+
+class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What is stated of a robot's motion and odometry, as `frontend.way.WayNoise`."""
+
+    speed_m_s: float = 1.0
+    turn_rad_s: float = 1.0
+    fastest_m_s: float = 3.0
+    fastest_rad_s: float = 6.0
+    drift_m: float = 0.01
+    slip_m: float = 0.03
+    drift_rad: float = 0.003
+    slip_rad: float = 0.02
+
+
+class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A robot: its recording, the topic of its odometry, its cameras and the tags it carries. Of its images one is used
+    every `image_every_s`, the one that shows most tags."""
+
+    name: str
+    recording: str
+    odometry: str | None = None
+    dim: int = 3
+    image_every_s: float = 0.25
+    motion: Motion = Motion()
+    camera: list[CameraEntry] = []
+    tag: list[CarriedTag] = []
+
+
+class LandmarkEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A landmark that carries tags."""
+
+    name: str
+    tag: list[CarriedTag]
+
+
+class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What holds for all tags. One seen in fewer than `fewest` images of a robot is taken for a misread; of more than
+    `most_mended` bits that were wrong, too."""
+
+    size_m: float
+    sizes_m: dict[str, float] = {}
+    ignore: list[int] = []
+    fewest: int = 3
+    most_mended: int = 2
+    loss: str = "cauchy"
+    loss_scale: float = 4.0
+
+
+class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The whole file."""
+
+    tags: Tags
+    robot: list[RobotEntry]
+    landmark: list[LandmarkEntry] = []
+
+    def carried(self) -> dict[int, Tag]:
+        """The tags on robots and on landmarks of several tags, by number. InputError for one that stands twice."""
+        out: dict[int, Tag] = {}
+        for name, is_robot, tag in self._entries():
+            if tag.number in out:
+                raise InputError(f"tag {tag.number} is on {out[tag.number].carrier} and on {name}", field="tag")
+            size = tag.size_m or self.size_of(tag.number)
+            out[tag.number] = Tag(tag.number, size, name, is_robot, tag.pose)
+        return out
+
+    def size_of(self, number: int) -> float:
+        """The edge of a tag [m]."""
+        return self.tags.sizes_m.get(str(number), self.tags.size_m)
+
+    def _entries(self) -> Iterator[tuple[str, bool, CarriedTag]]:
+        for robot in self.robot:
+            yield from ((robot.name, True, tag) for tag in robot.tag)
+        for landmark in self.landmark:
+            yield from ((landmark.name, False, tag) for tag in landmark.tag)
+
+
+def is_team_file(path: Path) -> bool:
+    """Whether a path is a team file: TOML in which somebody has a recording."""
+    if path.suffix != ".toml" or not path.is_file():
+        return False
+    return re.search(rb"^\s*recording\s*=", path.read_bytes(), re.MULTILINE) is not None
+
+
+def read_team_file(path: Path) -> TeamFile:
+    """The team file at a path. InputError names the field that is wrong."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path=path) from None
+    except ValueError as error:  # no UTF-8, or no TOML
+        raise InputError(f"not valid TOML: {error}", path=path) from None
+    try:
+        team = msgspec.convert(table, TeamFile)
+    except msgspec.ValidationError as error:
+        problem, _, place = str(error).partition(" - at ")
+        where = place.strip("`").removeprefix("$.") or None
+        raise InputError(problem.replace("`", "'"), path=path, field=where) from None
+    try:
+        _check(team)
+    except InputError as error:
+        raise InputError(error.problem, path=path, field=error.field) from None
+    return team
+
+
+def _check(team: TeamFile) -> None:
+    if not team.robot:
+        raise InputError("a team has at least one [[robot]]", field="robot")
+    names = [robot.name for robot in team.robot]
+    if len(set(names)) < len(names):
+        raise InputError(f"two robots are called {max(names, key=names.count)}", field="robot.name")
+    sizes = [team.tags.size_m, *team.tags.sizes_m.values(), *(tag.size_m for tag in team.carried().values())]
+    if not all(0.0 < size < np.inf for size in sizes):
+        raise InputError("the edge of a tag is above 0 [m]", field="tags.size_m")
+    for robot in team.robot:
+        if robot.dim not in (2, 3):
+            raise InputError(f"a robot moves in the plane (2) or in space (3), found {robot.dim}", field="robot.dim")
+        if robot.dim == 2 and robot.odometry is None:
+            raise InputError(f"robot {robot.name} moves on the ground and needs odometry", field="robot.odometry")
+        if robot.image_every_s < 0.0:
+            raise InputError("image_every_s is 0 or more", field="robot.image_every_s")
+        for camera in robot.camera:
+            if not (camera.floor_px >= 0.0 and camera.edge_px >= 0.0 and camera.floor_px + camera.edge_px > 0.0):
+                raise InputError("floor_px and edge_px are 0 or more, and not both 0", field="robot.camera.floor_px")

@@ -1,0 +1,61 @@
+"""Sightings that tell how their target stands: relative poses, and corners by the pose that fits them best."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from teamslam.geometry import Array, Pose
+from teamslam.geometry.resection import resect, slopes
+from teamslam.model import Kind, Table, pack, unpack, whitening_of_information
+
+CUT = 50.0  # of the squared residual of one sighting: beyond it is a misread, or another place
+MOST = 12  # sightings of one target that vote on its place
+
+
+def tells_pose(table: Table) -> bool:
+    """Whether a row of a table tells the pose of its target in its observer."""
+    return table.row.targets_pose and not table.row.unary
+
+
+def hypotheses(table: Table) -> tuple[Pose, Array]:
+    """Poses of the targets in their observers' bodies (m, 2), in space, and their costs (m, 2); the second is infinite
+    where there is but one that fits."""
+    if table.model == "corners":
+        rays, points = (table.values[:, part].reshape(-1, 4, 3) for part in (slice(0, 12), slice(12, 24)))
+        found = resect(rays, points, table.whitening)
+        poses, costs = found.poses, found.costs
+    else:
+        measured = unpack(table.values, Kind(table.dim - 2))
+        assert isinstance(measured, Pose)
+        poses = measured.lift(3)[:, None]
+        poses = Pose(np.repeat(poses.rotation, 2, 1), np.repeat(poses.translation, 2, 1))
+        costs = np.stack([np.zeros(len(table)), np.full(len(table), np.inf)], 1)
+    return (poses if table.sensor is None else table.sensor.lift(3)[None, None] @ poses), costs
+
+
+def as_relative_poses(table: Table) -> Table:
+    """Corners as relative poses, each with what its corners tell of it at the pose that fits best; other tables as they
+    are."""
+    if table.model != "corners" or not len(table):
+        return table
+    rays, points = (table.values[:, part].reshape(-1, 4, 3) for part in (slice(0, 12), slice(12, 24)))
+    best = resect(rays, points, table.whitening).poses[:, 0]
+    J = table.whitening @ slopes(best, rays, points)[1]
+    noise = whitening_of_information(np.swapaxes(J, -1, -2) @ J)
+    return replace(table, model="relative_pose", values=pack(best), whitening=noise)
+
+
+def voted(table: Table, observers: Pose) -> Pose:
+    """Where the one target of all rows of a table stands (1,), seen from `observers` (m,) in space: of all that some of
+    the rows may stand for, what they agree with best. Squared residuals count up to CUT: a misread has one voice."""
+    some = np.unique(np.linspace(0, len(table) - 1, min(MOST, len(table))).astype(int))
+    part, eyes = table.select(some), observers[some]
+    poses, costs = hypotheses(part)
+    which, hypothesis = np.nonzero(np.isfinite(costs))
+    tried = eyes[which] @ Pose(poses.rotation[which, hypothesis], poses.translation[which, hypothesis])
+    c, k = len(tried), len(part)
+    h = part.predict_from(eyes[np.tile(np.arange(k), c)], tried[np.repeat(np.arange(c), k)])
+    error = part.row.minus(np.tile(part.values, (c, 1)), h, part.dim).reshape(c, k, -1)
+    white = (part.whitening @ error[..., None])[..., 0]
+    votes = np.minimum(np.sum(white**2, -1), CUT).sum(1)
+    return tried[[int(np.argmin(votes))]]

@@ -1,0 +1,71 @@
+"""Odometry between keyframes: what it says, where it does not jump; and what is known where it says nothing."""
+
+import numpy as np
+
+from teamslam.frontend.streams import Track
+from teamslam.frontend.way import WayNoise, jumps, standing, steps_between
+from teamslam.geometry import Pose
+
+NOISE = WayNoise(speed_m_s=0.8, turn_rad_s=0.5, fastest_m_s=2.0)
+
+
+def drive(seconds=20.0, rate=20.0):
+    """A circle at 1 m/s that climbs."""
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    turn = np.stack([0 * t, 0 * t, 0.2 * t], -1)
+    place = np.stack([5 * np.sin(0.2 * t), 5 - 5 * np.cos(0.2 * t), 0.1 * t], -1)
+    poses = Pose.from_tangent(np.concatenate([np.zeros_like(turn), turn], -1), 3)
+    return Track((t * 1e6).astype(np.int64), Pose(poses.rotation, place))
+
+
+def moved(track, at, by):
+    place = track.poses.translation.copy()
+    place[at:] += by
+    return Track(track.ticks, Pose(track.poses.rotation, place))
+
+
+def test_steps_are_those_of_the_way_wherever_it_starts():
+    track, keyframes = drive(), np.array([130_000, 1_000_000, 7_777_777, 19_000_000])
+    there = Pose.from_tangent(np.array([3.0, -2.0, 1.0, 0.3, 0.2, 2.0]), 3)
+    for seen in (track, Track(track.ticks, there[None] @ track.poses)):
+        steps = steps_between(seen, keyframes, NOISE)
+        assert not len(steps.jumps) and not steps.missing
+        turned = steps.poses.minus(Pose.identity(3, (3,)))[:, 5]
+        np.testing.assert_allclose(turned, 0.2e-6 * np.diff(keyframes), atol=1e-9)
+        chord = 10 * np.sin(0.1e-6 * np.diff(keyframes))
+        np.testing.assert_allclose(np.linalg.norm(steps.poses.translation[:, :2], axis=1), chord, rtol=2e-3)
+
+
+def test_a_jump_is_found_and_only_its_own_step_is_lost():
+    keyframes = np.arange(0, 19_000_001, 500_000)
+    whole = steps_between(drive(), keyframes, NOISE)
+    broken = steps_between(moved(drive(), 203, [0.25, 0.0, 0.0]), keyframes, NOISE)
+    assert broken.jumps.tolist() == [10_150_000]
+    lost = np.flatnonzero(np.abs(broken.poses.minus(whole.poses)).max(1) > 1e-9)
+    assert lost.tolist() == [20]
+    model, spread = standing(np.array([0.5]), NOISE)
+    np.testing.assert_allclose(broken.poses[20].translation, model[0].translation)
+    np.testing.assert_allclose(np.diagonal(broken.covariances[20]), spread[0])
+    assert np.trace(whole.covariances[20]) < 0.01 * spread.sum()
+
+
+def test_the_robot_was_nowhere_faster_than_it_can_be():
+    assert not jumps(drive(), NOISE).any()
+    assert jumps(moved(drive(), 50, [0.2, 0, 0]), NOISE).sum() == 1
+
+
+def test_where_odometry_is_missing_the_motion_model_stands_in():
+    track = drive()
+    gap = track.select((track.ticks < 5_000_000) | (track.ticks > 9_000_000))
+    keyframes = np.array([1_000_000, 4_000_000, 6_000_000, 8_000_000, 12_000_000])
+    steps = steps_between(gap, keyframes, NOISE)
+    assert steps.missing == 3
+    np.testing.assert_allclose(np.sqrt(steps.covariances[1, 0, 0]), 0.8 * 2.0)
+
+
+def test_covariances_add_along_the_way():
+    """Without slip, two steps know as much as the one over both."""
+    noise = WayNoise(slip_m=0.0, slip_rad=0.0)
+    one = steps_between(drive(), np.array([0, 4_000_000]), noise)
+    two = steps_between(drive(), np.array([0, 1_000_000, 4_000_000]), noise)
+    np.testing.assert_allclose(two.covariances.sum(0), one.covariances[0])

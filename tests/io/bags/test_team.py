@@ -1,0 +1,119 @@
+"""The team file: what it may say, what is wrong in it, and which images are used."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import recordings
+import tagged_room
+import teamslam as ts
+from teamslam.errors import InputError, ModelError
+from teamslam.io.bags.team import SELDOM, chosen_images
+from teamslam.io.bags.team_file import is_team_file, read_team_file
+
+DOCS = Path(__file__).parents[3] / "docs" / "recordings.md"
+
+
+@pytest.fixture(scope="module")
+def team(tmp_path_factory):
+    return tagged_room.write(tagged_room.make(seconds=24.0, rate=1.5), tmp_path_factory.mktemp("team"), "bag")
+
+
+def test_the_team_file_of_the_docs_is_one(tmp_path):
+    (text,) = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "team.toml").write_text(text)
+    assert is_team_file(tmp_path / "team.toml")
+    found = read_team_file(tmp_path / "team.toml")
+    assert found.size_of(7) == 0.30 and found.size_of(8) == 0.15
+    assert {tag.carrier for tag in found.carried().values()} == {"one", "box"}
+
+
+def wrong(team, tmp_path, old, new):
+    text = team.read_text().replace('recording = "', f'recording = "{team.parent}/')
+    text = text.replace('"camera.json"', f'"{team.parent}/camera.json"')
+    assert old in text
+    (tmp_path / "team.toml").write_text(text.replace(old, new, 1))
+    return tmp_path / "team.toml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("size_m = 0.14", "size_m = -1.0", "the edge of a tag is above 0"),
+        ("size_m = 0.14", "sise_m = 0.14", "sise_m|size_m"),
+        ("size_m = 0.14", "size_m = 0.14\nloss = 'none'", "none"),
+        ('name = "robot1"', 'name = "robot0"', "two robots are called robot0"),
+        ("dim = 2", "dim = 4", "in the plane \\(2\\) or in space \\(3\\), found 4"),
+        ('odometry = "/odom"', "", "moves on the ground and needs odometry"),
+        ('odometry = "/odom"', 'odometry = "/odometry"', "no topic /odometry; this recording has"),
+        ('tags = "/camera/tags"', 'tags = "/odom"', "expected one of apriltag_msgs"),
+        ("/camera.json", "/camera.yaml", "cannot be read"),
+        ("/robot0/", "/robot7/", "no such recording"),
+        ("number = 100", "number = 101", "tag 101 is on robot0 and on robot0"),
+        ("quaternion_wxyz = [0.5, -0.5, 0.5, -0.5]", "quaternion_wxyz = [0, 0, 0, 0]", "a quaternion has length 1"),
+        ("[[robot]]", "[[robot]", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_named(team, tmp_path, old, new, words):
+    with pytest.raises((InputError, ModelError), match=words):
+        ts.read(wrong(team, tmp_path, old, new))
+
+
+@pytest.mark.parametrize("kind", recordings.KINDS)
+def test_every_kind_of_recording_gives_the_same_log(tmp_path, team, kind):
+    room = tagged_room.make(seconds=24.0, rate=1.5)
+    other = ts.read(tagged_room.write(room, tmp_path, kind))
+    for one, two in zip(ts.read(team).tables, other.tables, strict=True):
+        assert (one.source, one.model, one.robot) == (two.source, two.model, two.robot)
+        np.testing.assert_array_equal(one.keys, two.keys)
+        np.testing.assert_array_equal(one.values, two.values)
+
+
+def test_rows_of_two_cameras_have_numbers_of_their_own(team, tmp_path):
+    text = team.read_text()
+    start = text.index("[[robot.camera]]")
+    camera = text[start : text.index("[[", start + 5)]
+    twice = camera.replace('"camera.json"', f'"{team.parent}/camera.json"')
+    path = wrong(team, tmp_path, twice, twice + twice.replace('"front"', '"again"'))
+    log = ts.read(path)
+    ids = np.concatenate([t.ids for t in log.tables if t.robot == 1 and t.source == "landmarks"])
+    assert len(np.unique(ids)) == len(ids) > 0
+
+
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.3, 2.0]))
+def test_images_are_chosen_by_what_they_show(seed, every_s):
+    rng = np.random.default_rng(seed)
+    m = int(rng.integers(0, 200))
+    ticks = np.sort(rng.choice(np.arange(60) * 200_000, m))
+    ids = rng.integers(0, 12, m)
+    chosen = chosen_images(ticks, ids, every_s)
+    assert set(chosen.tolist()) <= set(ticks.tolist())
+    images = ticks // 200_000
+    used = np.isin(images, chosen // 200_000)
+    for number in np.unique(ids):
+        there = len(np.unique(images[ids == number]))
+        assert len(np.unique(images[used & (ids == number)])) >= min(SELDOM, there)
+    if every_s == 0.0:
+        assert used.all()
+    # Of each stretch none that is left out shows more than the best that is used.
+    counts = np.bincount(images, minlength=60)
+    if m:
+        stretch = (np.arange(60) * 200_000 - images[0] * 200_000) // max(int(every_s * 1e6), 1)
+        for s in np.unique(stretch[counts > 0]):
+            of = (stretch == s) & (counts > 0)
+            assert counts[of & np.isin(np.arange(60), chosen // 200_000)].max() == counts[of].max()
+
+
+def test_tags_seen_too_seldom_or_mended_too_much_are_counted(team, tmp_path):
+    path = wrong(team, tmp_path, "size_m = 0.14", "size_m = 0.14\nignore = [0, 1, 2, 3]")
+    log = ts.read(path)
+    assert sum(d.count for d in log.dropped if "ignores" in d.reason) > 0
+    assert not np.isin(
+        np.concatenate([t.keys[:, -1] for t in log.tables if t.source == "landmarks"]), [0, 1, 2, 3]
+    ).any()
+    with pytest.raises(InputError, match="no tag was seen in any image"):
+        ts.read(wrong(team, tmp_path, "size_m = 0.14", "size_m = 0.14\nfewest = 1000"))
