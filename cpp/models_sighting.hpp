@@ -2,7 +2,8 @@
 //
 // A measure gives, from z and h, the residual e = z (-) h and J = -de/dh (rows x D); the chain to pose and target is
 // the same for all: dh/dT = -R', dh/dw = [h] (see seen_by_turning), dh/dp = R'.
-// A target nearer than `coincident` has no direction: it is taken to lie straight ahead (on x), with zero Jacobian.
+// A target nearer than `coincident` has no direction: it is taken to lie straight ahead (on x), with zero Jacobian. That
+// is for the sensor's own place alone: a hair's breadth from it a bearing to the wrong side is as wrong as anywhere.
 #pragma once
 
 #include <cmath>
@@ -12,7 +13,8 @@
 
 namespace teamslam {
 
-inline constexpr double coincident = 1e-12;  // metres
+inline constexpr double coincident = 1e-100;  // metres; its square is a number still
+inline constexpr double opposite = 1e-12;     // of a direction, as the sine of the angle
 
 template <int D>
 struct PointMeasure {
@@ -89,7 +91,7 @@ struct BearingMeasure<3> {
     tangent_basis(z, basis[0], basis[1]);
     for (int i = 0; i < 2; ++i) b[i] = basis[i][0] * u[0] + basis[i][1] * u[1] + basis[i][2] * u[2];
     const double square = b[0] * b[0] + b[1] * b[1], s = std::sqrt(square), c = z[0] * u[0] + z[1] * u[1] + z[2] * u[2];
-    if (c < 0.0 && s < coincident) {
+    if (c < 0.0 && s < opposite) {
       e[0] = -std::numbers::pi, e[1] = 0.0;
       for (int k = 0; k < 6; ++k) J[k] = 0.0;
       return;

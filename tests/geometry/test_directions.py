@@ -52,6 +52,14 @@ def test_what_is_added_is_the_difference(rng: np.random.Generator, dim: int) -> 
     np.testing.assert_allclose(sphere.minus(h, h), 0.0, atol=1e-12)
 
 
+@given(generators, dims)
+def test_what_is_opposite_is_half_a_turn_away(rng: np.random.Generator, dim: int) -> None:
+    sphere = directions(dim)
+    rays = rng.normal(size=(20, dim))
+    apart = sphere.minus(sphere.of(rays), sphere.of(-rays))
+    np.testing.assert_allclose(np.linalg.norm(apart, axis=-1), np.pi, atol=1e-9)
+
+
 @given(generators, dims, st.floats(0.1, 6.2))
 def test_a_cone_holds_its_rays(rng: np.random.Generator, dim: int, angle: float) -> None:
     rays = directions(dim).cone(50, angle, rng)

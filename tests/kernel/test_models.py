@@ -200,6 +200,30 @@ def test_target_at_the_sensor_lies_straight_ahead_and_says_nothing(model, dim):
     assert not gradient.any() and not values.any()
 
 
+@pytest.mark.parametrize("model", ["range", "bearing", "range_bearing"])
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("distance", [1e-6, 1e-11, 1e-13, 1e-20, 1e-60])
+def test_a_direction_is_one_however_near_it_is(model, dim, distance):
+    """A bearing to the wrong side of its sensor is as wrong a hair's breadth from it as a metre away."""
+    rng = np.random.default_rng(10)
+    kinds = (POSE2, POINT2) if dim == 2 else (POSE3, POINT3)
+    here = np.concatenate([np.zeros(dim), rotation_of(random_variable(rng, kinds[0])).ravel()])
+    for _ in range(5):
+        u = rng.normal(size=dim)
+        u /= np.linalg.norm(u)
+        z = measurement(rng, model, dim)
+        case = (model, dim, kinds)
+        r = len(residual(model, dim, z, None, [here, u]))
+        problem, handle = problem_of(case, z, None, np.eye(r), fixed=np.array([True, False]))
+        away = problem.residuals(np.concatenate([here, u]), handle)[0]
+        near = problem.residuals(np.concatenate([here, distance * u]), handle)[0]
+        if model != "bearing":
+            away[0] += 1.0 - distance
+        np.testing.assert_allclose(near, away, atol=1e-12)
+        _, gradient, values = problem.linearise(np.concatenate([here, distance * u]))
+        assert np.isfinite(gradient).all() and np.isfinite(values).all() and values.any()
+
+
 def rotation_of(pose):
     d = 2 if len(pose) == 6 else 3
     return pose[d:].reshape(d, d)

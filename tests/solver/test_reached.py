@@ -79,9 +79,16 @@ def test_every_solve_ends_with_finite_numbers_and_a_true_status(seed: int) -> No
     except SolveError as problem:
         assert "not determined" in str(problem)
         return
-    numbers = [solution.cost, solution.chi2, solution.decrement, *(s.decrement for s in solution.history)]
+    numbers = [solution.cost, solution.chi2, *(s.decrement for s in solution.history)]
     assert np.isfinite(numbers).all() and np.isfinite(solution.values.state).all()
     assert solution.cost <= system.cost(start) * (1.0 + 1e-9)
+    assert not math.isnan(solution.decrement)
+    if math.isinf(
+        solution.decrement
+    ):  # nobody can tell how far it is: short of an optimum, at information with no factor
+        assert not solution.converged
+        with pytest.raises(SolveError, match="not determined"):
+            system.factor(solution.values).factorise(solution.hessian.numbers)
     if solution.status is Status.CONVERGED:
         assert left(system, solution.values, "all") <= 1e-2 * max(1.0, 1e-3 * math.sqrt(solution.cost))
 

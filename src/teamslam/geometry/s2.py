@@ -34,13 +34,15 @@ def of(points: Array) -> Array:
 
 
 def minus(z: Array, h: Array) -> Array:
-    """z (-) h (..., 2): minus the sphere's Log of h at z, in the axes of z."""
+    """z (-) h (..., 2): minus the sphere's Log of h at z, in the axes of z; (-pi, 0) where h is opposite to z, and
+    all ways are as short."""
     across = np.swapaxes(direction_basis(z), -1, -2) @ h[..., None]  # B(z)' h
     sine = np.linalg.norm(across[..., 0], axis=-1)
     cosine = np.sum(z * h, -1)
     angle = np.arctan2(sine, cosine)
     scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)
-    return np.asarray(-scale[..., None] * across[..., 0])
+    opposite = (cosine < 0.0) & (sine <= 1e-12)
+    return np.asarray(np.where(opposite[..., None], [-np.pi, 0.0], -scale[..., None] * across[..., 0]))
 
 
 def plus(h: Array, n: Array) -> Array:

@@ -8,7 +8,7 @@ from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
 from teamslam.solver.optimise import Options, optimise
 from teamslam.solver.parallel import each_side_by_side, meanwhile, side_by_side
-from teamslam.solver.reach import convex_start, reach, refuse_rounding
+from teamslam.solver.reach import convex_start, firm, reach, refuse_rounding
 from teamslam.solver.rules import RULES
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
@@ -30,6 +30,7 @@ __all__ = [
     "block_matrix",
     "convex_start",
     "each_side_by_side",
+    "firm",
     "linearise_numerically",
     "meanwhile",
     "normal_equations",

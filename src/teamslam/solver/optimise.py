@@ -76,8 +76,9 @@ def optimise(
 ) -> Solution:
     """The values that minimise the system's cost, from `start`. `progress` hears of every step once.
 
-    The information returned is H = J'W'WJ at the estimate, not damped. Raises SolveError where the measurements do not
-    determine a variable, naming it.
+    The information returned is H = J'W'WJ at the estimate, not damped; where it has no factor at a search's end, that
+    is short of an optimum, and its decrement inf. Raises SolveError, naming the variable, where no step can be had
+    because nothing measures it, and where it rests at an optimum by the cost's curvature alone.
     """
     search = _Search(system, start, options, progress)
     if system.free.dof == 0:
@@ -383,12 +384,12 @@ class _Search:
         self.status = Status.FLAT if small else Status.STUCK
 
     def _distance(self) -> float:
-        """The Newton decrement where the search is [sigmas], by the information. Raises SolveError where that leaves a
-        variable open."""
+        """The Newton decrement where the search is [sigmas], by the information; inf where that has no factor, and
+        nobody can tell."""
         try:
             self.factor.factorise(self.at.information.numbers)
-        except SolveError as problem:
-            raise self._named(problem) from None
+        except SolveError:
+            return math.inf
         return math.sqrt(max(dot(self.at.gradient, self.factor.solve(self.at.gradient)), 0.0))
 
     def _refuse_open(self) -> None:
@@ -401,14 +402,14 @@ class _Search:
         self.made = lambda: information
 
     def _distance_so_far(self) -> float:
-        """The same on the way, where a variable may be open as yet: as far as what is held tells."""
+        """The same on the way, where a variable may be open as yet: as far as what is held tells, if it does."""
         damping = 0.0
         while True:
             try:
                 self.factor.factorise(self.at.information.numbers, damping * self.at.scale)
-            except SolveError as problem:
+            except SolveError:
                 if damping > 1.0:
-                    raise self._named(problem) from None
+                    return math.inf
                 damping = max(ROUNDING, 10.0 * damping)
             else:
                 return math.sqrt(max(dot(self.at.gradient, self.factor.solve(self.at.gradient)), 0.0))

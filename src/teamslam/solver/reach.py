@@ -6,6 +6,7 @@
 A start is a guess. Where it leads to an optimum, that is all there is to do.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -17,6 +18,7 @@ from teamslam.solver.faults import Open
 from teamslam.solver.kinks import at_kink
 from teamslam.solver.linear import Factor
 from teamslam.solver.optimise import DEFAULTS, Options, optimise
+from teamslam.solver.rank import fixes
 from teamslam.solver.solution import Solution, Step
 from teamslam.solver.system import System
 
@@ -33,11 +35,12 @@ def reach(
     factor: Factor | None = None,
 ) -> Solution:
     """`optimise`, from `start` and, where that ends short of an optimum, from elsewhere; of what is found an optimum,
-    the lowest where there is none. Raises SolveError as `optimise` does where nothing else leads anywhere."""
+    the lowest where there is none. Raises SolveError where nothing leads to where all variables are held: as `optimise`
+    does, and where its search has no factor at its end, which no map can be made of."""
     found: Solution | None = None
     problem: SolveError | None = None
     try:
-        found = optimise(system, start, options, progress, factor)
+        found = firm(system, optimise(system, start, options, progress, factor))
         if found.converged:
             return found
         ended = found.values
@@ -45,7 +48,7 @@ def reach(
         problem, ended = error, error.values
     for other in _others(system, start, ended, options):
         try:
-            another = optimise(system, other, options, progress, factor)
+            another = firm(system, optimise(system, other, options, progress, factor))
         except SolveError:
             continue
         if another.converged:
@@ -53,24 +56,52 @@ def reach(
         found = another if found is None or another.cost < found.cost else found
     if found is None:
         assert problem is not None
-        raise _on_a_sensor(system, start, ended, problem)
+        raise _in_true_words(system, start, ended, problem)
     return found
 
 
-def _on_a_sensor(system: System, start: Values, ended: Values, problem: SolveError) -> SolveError:
-    """The same problem, laid to the landmark that a search put on its sensor, if it is of one: what hangs on that is
-    open as well."""
-    if problem.key is not None and is_landmark(problem.key):
+def firm(system: System, solution: Solution) -> Solution:
+    """The same solution, for those who need its information or stand on where it is. Raises Open, naming a variable,
+    where it is short of an optimum and its information has no factor."""
+    if math.isinf(solution.decrement):
+        try:
+            system.factor(solution.values).factorise(solution.hessian.numbers)
+        except SolveError as problem:
+            raise Open(problem, solution.values) from None
+    return solution
+
+
+def _in_true_words(system: System, start: Values, ended: Values, problem: SolveError) -> SolveError:
+    """Why a search ended where a variable is held by nothing: the rows leave it open, or where it went is to blame. A
+    landmark that the search put on its sensor is named first: what hangs on that is open as well."""
+    if problem.key is None:
         return problem
+    sensor = None if is_landmark(problem.key) else _on_a_sensor(system, start, ended)
+    key = problem.key if sensor is None else sensor
+    name = system.names.describe(key)
+    if fixes(system, start):
+        where = "short of one" if sensor is None else "with it on top of a sensor that sees it"
+        return SolveError(
+            f"{name} is fixed by the measurements, but the search for an optimum ended {where}, where next to nothing "
+            f"is left that holds it; look for rows that contradict each other, or whose sigmas are very far apart",
+            key=key,
+        )
+    if sensor is None:
+        return problem
+    return SolveError(
+        f"{name} is not determined by the measurements: they are met best with it on top of a sensor that sees it, "
+        f"where they say nothing of where it is",
+        key=key,
+    )
+
+
+def _on_a_sensor(system: System, start: Values, ended: Values) -> int | None:
+    """A landmark that a search put on its sensor."""
     for table in system.tables:
         for key in table.keys[at_kink(table, start, ended), -1].tolist():
             if is_landmark(key):
-                return SolveError(
-                    f"{system.names.describe(key)} is not determined by the measurements: they are met best with it on "
-                    f"top of a sensor that sees it, where they say nothing of where it is",
-                    key=key,
-                )
-    return problem
+                return int(key)
+    return None
 
 
 def _others(system: System, start: Values, ended: Values, options: Options) -> Iterator[Values]:

@@ -58,7 +58,8 @@ class Solution:
 
     `cost` = sum of losses, `chi2` = sum of squared whitened residuals (equal for the squared loss), both without a
     factor 1/2; `rows` numbers measured, `dof` = rows - unknowns; `decrement` how far the optimum still is at most, in
-    sigmas, where it has converged. `made` makes H at the estimate, over the free unknowns, when it is first asked for.
+    sigmas, where it has converged; inf where it has not, and H has no factor to tell by. `made` makes H at the
+    estimate, over the free unknowns, when it is first asked for.
     """
 
     values: Values

@@ -21,7 +21,7 @@ from teamslam.errors import SolveError
 from teamslam.joining.build.problem import ROUGH, Problem, apart, the_robot
 from teamslam.joining.start.starts import starts
 from teamslam.model import Dataset, Submap, Values, is_landmark
-from teamslam.solver import Options, Solution, Step, System, convex_start, optimise, reach, refuse_rounding
+from teamslam.solver import Options, Solution, Step, System, convex_start, firm, optimise, reach, refuse_rounding
 from teamslam.solver.optimise import DEFAULTS
 
 CURE = " Cut the log into shorter pieces, or allow more iterations"
@@ -174,7 +174,8 @@ def _distinct(system: System, guesses: Sequence[Values], options: Options) -> li
         try:
             # Where losses forgive, what is far off in a guess may be out of their sight.
             convex = convex_start(system, guess, rough)
-            tried += [optimise(system, start, rough) for start in ([guess] if convex is guess else [guess, convex])]
+            starts = [guess] if convex is guess else [guess, convex]
+            tried += [firm(system, optimise(system, start, rough)) for start in starts]
         except SolveError as error:
             problem = error
     if not tried:

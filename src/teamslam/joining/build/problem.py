@@ -32,7 +32,7 @@ from teamslam.model import (
     is_pose,
     robot_of,
 )
-from teamslam.solver import Options, Solution, Step, System, optimise
+from teamslam.solver import Options, Solution, Step, System, firm, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
@@ -84,7 +84,7 @@ class Problem:
         if not start.layout.contains(keys).all():
             return []
         try:
-            return [optimise(self.system, start.only(keys), options, progress)]
+            return [firm(self.system, optimise(self.system, start.only(keys), options, progress))]
         except SolveError:
             return []
 
@@ -100,7 +100,7 @@ class Problem:
                 one = slice(place, place + 1)
                 moved = optimum.values.update(Values.of({rest.kind: (rest.keys[one], rest.others[one])}))
                 with suppress(SolveError):
-                    other = optimise(self.system, moved, replace(options, max_iterations=ROUGH))
+                    other = firm(self.system, optimise(self.system, moved, replace(options, max_iterations=ROUGH)))
                     if other.cost < optimum.cost + RULED_OUT and apart(self.system, other, optimum):
                         found.append(rest.keys[one])
         return np.concatenate(found)

@@ -14,7 +14,7 @@ from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.joining.join.join import Joined
 from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import WORLD, Submap, Table, Values, is_landmark, is_pose, robot_of
-from teamslam.solver import Options, System, optimise
+from teamslam.solver import Options, System, firm, optimise
 
 FEW = Options(max_iterations=60, decrement=1e-3)
 
@@ -72,6 +72,6 @@ def _moved(values: Values, submap: Submap, keys: IntArray) -> Values:
 def _excess(rows: Sequence[Table], here: Values, there: Values, held: IntArray, submap: Submap) -> float:
     system = System(here.layout, tables=rows, fixed=held, names=submap.names)
     try:
-        return optimise(system, there, FEW).cost - system.cost(here)
+        return firm(system, optimise(system, there, FEW)).cost - system.cost(here)
     except SolveError:
         return float("inf")

@@ -19,7 +19,7 @@ from teamslam.geometry import IntArray, Pose
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import Layout, Table, Values, pose_kind
-from teamslam.solver import Options, System, optimise
+from teamslam.solver import Options, System, firm, optimise
 
 PARTS = 20
 STEPS = 20  # of each solve at most
@@ -64,5 +64,5 @@ def _settled(values: Values, tables: Sequence[Table], base: IntArray) -> Values:
     system = System(used.layout, tables=[t for t in ready if len(t)], fixed=base)
     few = Options(max_iterations=STEPS, decrement=0.1 * float(np.sqrt(system.free.dof + 1.0)))
     with suppress(SolveError):  # a guess stays a guess
-        return values.update(optimise(system, used, few).values)
+        return values.update(firm(system, optimise(system, used, few)).values)
     return values

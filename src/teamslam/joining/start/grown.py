@@ -23,7 +23,7 @@ from teamslam.joining.start.seams import corrected
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import Dataset, Kind, Layout, Table, Values, pose_key, pose_kind
-from teamslam.solver import Options, System, convex_start, optimise
+from teamslam.solver import Options, System, convex_start, firm, optimise
 
 STRETCH = 0.1  # [rad]: how far the heading may be lost along the shortest stretches
 STEPS = 20  # of each solve at most
@@ -94,7 +94,8 @@ def _solved(frames: Keyframes, cut: _Stretches, convex: bool) -> _Stretches:
     system = System(values.layout, tables=[t for t in tables if len(t)], fixed=np.array([ORIGIN]))
     few = Options(max_iterations=STEPS, decrement=0.1 * float(np.sqrt(system.free.dof + 1.0)))
     with suppress(SolveError):  # a guess stays a guess
-        values = optimise(system, convex_start(system, values, few) if convex else values, few).values
+        first = convex_start(system, values, few) if convex else values
+        values = firm(system, optimise(system, first, few)).values
     values = start.update(values)
     found = np.flatnonzero(values.layout.contains(np.arange(len(codes))))
     poses = concatenate([Pose.identity(dim, (1,)), values.poses_of(keys[1:], dim)])

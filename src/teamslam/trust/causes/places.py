@@ -16,7 +16,7 @@ from teamslam.geometry import Array, BoolArray
 from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.model import Dataset, Names, Submap, Table, Values, index_of, landmark_key
 from teamslam.model.keys import MAX_INDEX
-from teamslam.solver import Options, System, optimise
+from teamslam.solver import Options, System, firm, optimise
 from teamslam.trust.cause import Cause
 from teamslam.trust.residuals import Rows, beside_median
 from teamslam.trust.tally import by_landmark
@@ -150,7 +150,7 @@ def _placed(half: Sequence[Table], values: Values, mark: int) -> Values | None:
     near = values.only(keys)
     try:
         system = System(near.layout, tables=held, fixed=keys[keys != mark])
-        return values.update(optimise(system, near, QUICK).values)
+        return values.update(firm(system, optimise(system, near, QUICK)).values)
     except TeamslamError:
         return None
 
@@ -183,7 +183,7 @@ def _solved(split: Split, values: Values, tables: Sequence[Table], joined: Subma
     start = values.update(_twin(values, split))
     try:
         system = System(start.layout, tables=renamed, fixed=frame_of(joined), names=joined.names)
-        return optimise(system, start, QUICK).values, renamed
+        return firm(system, optimise(system, start, QUICK)).values, renamed
     except TeamslamError:
         return None
 
