@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from strategies import generators
 from teamslam.geometry import Array, Pose
 from teamslam.joining import build, exact_join, full, join, split
-from teamslam.joining.start.twofold import twofold
+from teamslam.joining.start.twofold import RULED_OUT, twofold
 from teamslam.model import Dataset, Kind, Table, Values, landmark_key, pack, pose_key
 
 SIGMA = 0.05
@@ -108,3 +109,28 @@ def test_robots_of_a_plane_all_put_what_is_off_it_above(side: float) -> None:
     seen = Table(1, "landmarks", "range", 3, keys, lengths[:, None], np.eye(1)[None] / SIGMA, np.arange(12))
     submap = build(Dataset({1: 2}, (odometry(1, way), seen)))
     assert submap.values.positions(landmark_key(np.array([1])), 3)[0, 2] == pytest.approx(3.0, abs=0.5)
+
+
+@settings(max_examples=60)
+@given(generators, st.integers(6, 10))
+def test_a_second_place_is_where_a_search_ends(rng: np.random.Generator, n: int) -> None:
+    """Along a valley that bends, on which ranges from places close together leave a landmark, nobody stops half way:
+    a search by simplices that begins at a second place stays there."""
+    steps = np.cumsum(rng.normal(scale=0.6, size=(n, 3)), 0)
+    way, mark = Pose(np.broadcast_to(np.eye(3), (n, 3, 3)), steps), rng.normal(scale=8.0, size=3)
+    sigma = rng.uniform(0.1, 0.5)
+    lengths = np.linalg.norm(mark - steps, axis=1) + sigma * rng.normal(size=n)
+    keys = np.stack([pose_key(1, np.arange(n)), np.full(n, int(landmark_key(1)))], 1)
+    seen = Table(1, "landmarks", "range", 3, keys, lengths[:, None], np.eye(1)[None] / sigma, np.arange(n))
+
+    def cost(place: Array) -> float:
+        return float(np.sum((np.linalg.norm(place - steps, axis=1) - lengths) ** 2)) / sigma**2
+
+    simplex = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 5000}
+    here = minimize(cost, mark, method="Nelder-Mead", options=simplex).x
+    values = Values.of({Kind.POSE3: (keys[:, 0], way), Kind.POINT3: (landmark_key(np.array([1])), here[None])})
+    for two in twofold(values, [seen]):
+        for there, more in zip(two.others, two.more, strict=True):
+            if more < RULED_OUT:
+                ended = minimize(cost, there, method="Nelder-Mead", options=simplex)
+                assert ended.fun > cost(there) - 0.05, (there, ended.x)

@@ -14,7 +14,8 @@ from teamslam.model import Kind, Table, Values, is_landmark, point_kind, pose_ki
 
 RULED_OUT = 16.0  # of cost: four sigmas; a place, or an assembly of a team, that costs more is not mentioned
 PLAUSIBLE = 25.0  # of cost for each sighting: poses that give way make more of it than this only if they bend far
-SETTLED = 5  # refinements, each of a few steps: along a valley two proposals of one place are long apart
+SETTLED = 1e-4  # of cost: a place from which refinements of a few steps lead no lower
+REFINEMENTS = 50  # at most: along a valley that bends two proposals of one place are long apart
 NONE = np.zeros(0, np.int64)
 NEAR = 9.0  # of cost: a place within three sigmas of another is the same
 
@@ -56,8 +57,13 @@ def _of_kind(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind)
     here = values.positions(keys, kind.dim)
     bundle = Bundle.of(marks, values, keys, kind.dim)
     places = np.concatenate([here[None], bundle.on_either_side(here), bundle.proposals()])
-    for _ in range(SETTLED):
+    costs = np.full(places.shape[:2], np.inf)
+    for _ in range(REFINEMENTS):
+        before = costs
         places, costs, information = bundle.refined(places)
+        told = costs < costs[0] + RULED_OUT + PLAUSIBLE * bundle.seen
+        if not (told & (costs < before - SETTLED)).any():
+            break
     offsets = places - places[0]
     far = np.einsum("kni,nij,knj->kn", offsets, information[0], offsets) > NEAR
     more = np.where(far, costs - costs[0], np.inf)
