@@ -6,6 +6,7 @@
     python benchmarks/stress.py --count 5000 --json stress.json    a campaign: failures by kind, each with its seeds;
                                                                    begun again, it goes on where it was
     python benchmarks/stress.py --middle --count 200               ... of logs of dozens to hundreds of poses
+    python benchmarks/stress.py --teams --count 100                ... of simulated teams of hundreds of poses a robot
     python benchmarks/stress.py --real --count 200                 ... of published logs, cut, thinned and renamed
     python benchmarks/stress.py --known                            what of the suite's own logs fails, as known there
     python benchmarks/stress.py --page PAGE.md small.json middle.json real.json           what campaigns counted
@@ -38,9 +39,10 @@ from stress.failure import Failure
 from stress.known import KNOWN
 from stress.real import DRIVEN, LOGS, vary
 from stress.scenario import draw
+from stress.teams import draw_team
 from stress.test_real import HANDFUL
-from stress.test_stress import FIRST, MIDDLE, SMALL
-from stress.verdict import Verdict, heard, judge, judge_real, rows_in, smallest, told
+from stress.test_stress import FIRST, MIDDLE, SMALL, TEAMS
+from stress.verdict import Verdict, heard, judge, judge_real, judge_team, rows_in, smallest, told
 
 KNOWN_FILE = Path(__file__).parents[1] / "tests" / "stress" / "known.py"
 PATIENCE_S = 60  # of processor time; a log that takes longer hangs
@@ -64,9 +66,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Kind:
-    """Which logs: small ones, middle ones, or variations of published ones (of one, by its name)."""
+    """Which logs: small ones, middle ones, simulated teams, or variations of published ones (of one, by its name)."""
 
     middle: bool = False
+    teams: bool = False
     real: bool = False
     name: str | None = None
 
@@ -74,13 +77,16 @@ class Kind:
         """The verdict on a seed's log."""
         if self.real:
             return judge_real(seed, published, name=self.name, drive=drive)
-        return judge(seed, middle=self.middle, drive=drive)
+        return judge_team(seed, drive=drive) if self.teams else judge(seed, middle=self.middle, drive=drive)
 
     def blank(self, seed: int, drive: str | None) -> "Row":
         """What is known of a seed beforehand."""
         if self.real:
             scenario, _, drawn = vary(seed, published, self.name)
             return Row(seed, drive or drawn, scenario.space, scenario.noise, scenario.faults, "", 0.0)
+        if self.teams:
+            team = draw_team(seed)
+            return Row(seed, drive or team.drive, team.space, team.noise, team.faults, "", 0.0)
         drawn_of = draw(seed, middle=self.middle)
         return Row(seed, drive or drive_of(seed), drawn_of.space, drawn_of.noise, drawn_of.faults, "", 0.0)
 
@@ -187,6 +193,8 @@ def renew(workers: int) -> None:
     found = {("small", row.seed): row for row in campaign(range(FIRST, FIRST + SMALL), Kind(), None, workers)}
     middle = campaign(range(FIRST, FIRST + MIDDLE), Kind(middle=True), None, workers)
     found |= {("middle", row.seed): row for row in middle}
+    teams = campaign(range(FIRST, FIRST + TEAMS), Kind(teams=True), None, workers)
+    found |= {("team", row.seed): row for row in teams}
     for name, count in HANDFUL.items():
         rows = campaign(range(FIRST, FIRST + count), Kind(real=True, name=name), None, 1)
         found |= {(name, row.seed): row for row in rows}
@@ -203,6 +211,7 @@ def main() -> int:
     parser.add_argument("--drive", choices=sorted({*DRIVES, *DRIVEN}))
     parser.add_argument("--rows", type=heard)
     parser.add_argument("--middle", action="store_true")
+    parser.add_argument("--teams", action="store_true")
     parser.add_argument("--real", nargs="?", const="any", choices=["any", *LOGS], help="of a published log")
     parser.add_argument("--shrink", action="store_true")
     parser.add_argument("--workers", type=int, default=2)
@@ -210,7 +219,7 @@ def main() -> int:
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--page", nargs=4, type=Path, metavar=("PAGE", "SMALL", "MIDDLE", "REAL"))
     given = parser.parse_args()
-    kind = Kind(given.middle, bool(given.real), given.real if given.real in LOGS else None)
+    kind = Kind(given.middle, given.teams, bool(given.real), given.real if given.real in LOGS else None)
     if given.page:
         counted = [[asdict(row) for row in rows_of(path)] for path in given.page[1:]]
         stress_page.write(given.page[0], *counted, f"{platform.machine()}, {os.cpu_count()} cores")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stress.claims import is_true, turns_in_the_world, weak
+from stress.claims import at_odds, is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.oracle import Oracle, TooLarge, spoken_of
@@ -15,8 +15,6 @@ from teamslam.geometry import Array
 from teamslam.model import WORLD, Dataset, LeftOut, Table, is_pose, robot_of
 
 IN_LINE = 0.2  # of their spread along it: places so near a line that ranges from them may leave the side open
-BEYOND = 4.5  # [sigmas]: no honest noise, of a few hundred numbers
-FAR_APART = 1e5  # sigmas of rows: their squares take up most of the digits that there are
 LITTLE = 0.1  # [sigmas]: a submap that stopped farther from its optimum is not to be used
 
 
@@ -63,7 +61,7 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
     elif "no pose that saw it is in a map" in lost.reason:
         findings.check("left out: a landmark that no mapped pose saw", mapped.isdisjoint(seers), lost)
     elif "solving for it together with the map fails" in lost.reason:
-        findings.check("left out: a landmark with which no solve ends", _at_odds(oracle, rows), lost)
+        findings.check("left out: a landmark with which no solve ends", at_odds(oracle, rows), lost)
     elif "free to turn in the world" in lost.reason:
         findings.check("left out: a landmark of a world that maps are free to turn in", _free(outcome, oracle), lost)
     elif not seers:  # surveyed alone
@@ -71,19 +69,6 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
     else:
         open_ = all(weak(oracle, seer, key) for seer in seers) or _in_line(oracle, seers, rows)
         findings.check(what, open_, f"{lost.what}: {lost.reason}")
-
-
-def _at_odds(oracle: Oracle, rows: list[Table]) -> bool:
-    """Whether some rows of a landmark contradict the truth, or its rows and those about their poses say what they say
-    with sigmas so far apart that no sum of their squares holds both."""
-    seers = spoken_of(rows)
-    around = [t.select(np.isin(t.keys, seers).any(1)) for t in oracle.tables]
-    around = [t for t in around if len(t)]
-    if any(float(np.abs(t.whitened(oracle.truth)).max()) > BEYOND for t in around):
-        return True
-    sharp = np.concatenate([np.linalg.svd(t.whitening, compute_uv=False).ravel() for t in around])
-    sharp = sharp[sharp > 0.0]
-    return bool(sharp.max() > FAR_APART * sharp.min())
 
 
 def _free(outcome: Outcome, oracle: Oracle) -> bool:

@@ -4,7 +4,7 @@ A sentence that no pattern knows is a failure of its own: what is said must be s
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +14,12 @@ from stress.failure import Findings
 from stress.maps import rows_of
 from stress.oracle import Oracle, TooLarge, lever, spoken_of
 from teamslam.joining import Component
-from teamslam.model import WORLD, Names, is_pose, robot_of
+from teamslam.model import WORLD, Names, Table, is_pose, robot_of
 
 WEAK_TURN = 0.2  # [rad]: a heading that is held no better may be called open
 WEAK_PLACE = 0.2  # of the distance
+BEYOND = 4.5  # [sigmas]: no honest noise, of a few hundred numbers
+FAR_APART = 1e5  # sigmas of rows: their squares take up most of the digits that there are
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,31 @@ def _not_determined(saying: Saying) -> bool:
     return False
 
 
+def _fixed_but_lost(saying: Saying) -> bool:
+    """No direction of it is open, seen from some pose beside it, and what is told to look for is there: rows that
+    contradict each other, or sigmas that are very far apart."""
+    for key in _keys_called(saying, saying["what"]):
+        tables = [t.select((t.keys == key).any(1)) for t in saying.oracle.tables]
+        around = [int(k) for k in spoken_of(tables) if k != key and is_pose(int(k))]
+        fixed = any(not saying.oracle.freedom(saying.oracle.between(pose, key)) for pose in around)
+        if fixed and at_odds(saying.oracle, tables):
+            return True
+    return False
+
+
+def at_odds(oracle: Oracle, rows: Sequence[Table]) -> bool:
+    """Whether some rows of a variable contradict the truth, or its rows and those about their poses say what they say
+    with sigmas so far apart that no sum of their squares holds both."""
+    seers = spoken_of(rows)
+    around = [t.select(np.isin(t.keys, seers).any(1)) for t in oracle.tables]
+    around = [t for t in around if len(t)]
+    if any(float(np.abs(t.whitened(oracle.truth)).max()) > BEYOND for t in around):
+        return True
+    sharp = np.concatenate([np.linalg.svd(t.whitening, compute_uv=False).ravel() for t in around])
+    sharp = sharp[sharp > 0.0]
+    return bool(sharp.max() > FAR_APART * sharp.min())
+
+
 def _stands_alone(saying: Saying) -> bool:
     """No row ties the pose to another one of its robot, and whatever is seen from it is open or weak from there."""
     for key in _keys_called(saying, saying["base"]):
@@ -236,6 +263,10 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     ),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other about (?P<more>[^ ]+?) more\. ", _costs),
     "not determined": (r"^(SolveError: )?(?P<what>.+) is not determined by", _not_determined),
+    "fixed, but not found": (
+        r"^(SolveError: )?(?P<what>.+) is fixed by the measurements, but the search for an optimum ended",
+        _fixed_but_lost,
+    ),
     "stands alone, and is forgiven": (
         r"^(SolveError: )?(?P<base>.+) stands alone: .*, and where it saw others a loss forgives",
         _forgiven,

@@ -1,5 +1,4 @@
 """KNOWN: logs of the suite that are known to fail, each with what fails. Written by `stress.py --known`."""
-# ruff: noqa: E501
 
 KNOWN: dict[tuple[str, int], tuple[str, ...]] = {
     ("small", 1000044): ("another optimum that fits as well is named",),

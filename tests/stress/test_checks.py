@@ -11,6 +11,7 @@ from stress.failure import Findings
 from stress.maps import check_maps
 from stress.oracle import Oracle, jacobian
 from stress.scenario import Scenario, draw
+from stress.truth import check_truth
 from stress.verdict import heard, judge, rows_in, told
 from stress.whole import check_whole
 from stress.world import chosen, log_of
@@ -136,6 +137,25 @@ def test_what_vanished_is_found() -> None:
 
 def _without(table: Table, key: int) -> Table:
     return table.select((table.keys != key).all(1))
+
+
+@pytest.mark.parametrize("drive", ["full", "exact", "join"])
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_map_that_ends_in_the_wrong_basin_is_found(world: str, drive: str) -> None:
+    """It says that it has converged, and a search from the truth ends far lower."""
+    outcome = mapped(team(world, robots=2, poses=6, landmarks=4, sees=1.0), drive)
+    assert not of_truth(outcome)
+    assert outcome.joined is not None
+    values = outcome.joined.components[0].map.values
+    astray = with_map(outcome, values=values.retract(0.5 * np.random.default_rng(1).normal(size=values.layout.dof)))
+    assert of_truth(astray) == {"no map costs more than the optimum from the truth"}
+
+
+def of_truth(outcome: Outcome) -> set[str]:
+    findings = Findings()
+    check_truth(outcome, findings)
+    assert sum(findings.held.values()) + len(findings.failures) == 1
+    return kinds(findings)
 
 
 # --- sentences that are false -------------------------------------------------------------------------------------

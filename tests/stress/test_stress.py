@@ -12,10 +12,10 @@ import pytest
 
 from stress.drive import drive_of
 from stress.known import KNOWN
-from stress.verdict import judge
+from stress.verdict import judge, judge_team
 
 FIRST = 1_000_000  # of a block that nobody tunes on
-SMALL, MIDDLE, CHUNKS = 96, 4, 8  # logs, and tests that share them
+SMALL, MIDDLE, TEAMS, CHUNKS = 96, 4, 4, 8  # logs, and tests that share the first two
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
@@ -31,3 +31,15 @@ def test_every_log_ends_with_a_map_or_with_a_sentence_that_is_true(chunk: int, r
             failed += [f"{f.kind} ({again}): {f.detail}" for f in verdict.findings.failures if f.kind not in known]
     assert not failed, "\n".join(failed)
     assert held.total() > 10 * (SMALL + MIDDLE) / CHUNKS
+
+
+@pytest.mark.parametrize("number", range(TEAMS))
+def test_no_map_of_a_team_costs_more_than_the_optimum_from_the_truth(
+    number: int, request: pytest.FixtureRequest
+) -> None:
+    seed = request.config.getoption("--stress-seed") + number
+    verdict = judge_team(seed)
+    known = KNOWN.get(("team", seed), ())
+    failed = [f"{f.kind}: {f.detail}" for f in verdict.findings.failures if f.kind not in known]
+    assert not failed, "\n".join([f"{verdict.scenario} (--teams --seed {seed} --drive {verdict.drive})", *failed])
+    assert verdict.findings.held.total() > 10

@@ -15,6 +15,8 @@ from stress.oracle import Oracle
 from stress.real import DRIVEN, Find, Variation, vary
 from stress.reports import check_reports
 from stress.scenario import Scenario, draw
+from stress.teams import Team, draw_team, log_of_team
+from stress.truth import check_truth
 from stress.whole import check_whole
 from stress.world import chosen, log_of
 from teamslam.model import Dataset
@@ -27,7 +29,7 @@ Rows = dict[tuple[int, str], set[int]]
 class Verdict:
     """What became of one seed's log."""
 
-    scenario: Scenario | Variation
+    scenario: Scenario | Variation | Team
     drive: str
     outcome: Outcome
     findings: Findings
@@ -40,17 +42,24 @@ def judge(seed: int, *, middle: bool = False, drive: str | None = None, rows: Ro
     return judge_log(scenario, log if rows is None else chosen(log, rows), drive or drive_of(seed))
 
 
-def judge_log(scenario: Scenario, log: Dataset, drive: str) -> Verdict:
+def judge_team(seed: int, *, drive: str | None = None) -> Verdict:
+    """The verdict on a seed's team."""
+    team = draw_team(seed)
+    return judge_log(team, log_of_team(team), drive or team.drive)
+
+
+def judge_log(scenario: Scenario | Team, log: Dataset, drive: str) -> Verdict:
     """The verdict on a log of a scenario by a drive."""
     outcome, findings = go(log, DRIVES[drive]), Findings()
     oracle = Oracle(outcome.log)
-    fair = is_fair(scenario) and is_same(outcome)
+    fair = isinstance(scenario, Scenario) and is_fair(scenario) and is_same(outcome)
     check_files(outcome, findings)
     check_whole(outcome, findings)
     check_sentences(outcome, oracle, findings)
     check_account(outcome, oracle, findings)
     check_maps(outcome, findings, fair=fair)
-    check_reports(outcome, findings, fair=fair)
+    check_truth(outcome, findings)
+    check_reports(outcome, findings, fair=fair or isinstance(scenario, Team))
     if DRIVES[drive].by_command and outcome.written is None:
         check_command(outcome, findings)
     return Verdict(scenario, drive, outcome, findings)
