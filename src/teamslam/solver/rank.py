@@ -10,15 +10,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.errors import SolveError
+from teamslam.geometry import Array
 from teamslam.model import Loss, Values
 from teamslam.solver.system import SubmapTerm, System
 
+ROUNDING = 1e-14  # of the sharpest direction: what rounding leaves of one that is not measured
+
 
 def fixes(system: System, values: Values) -> bool:
-    """Whether the Jacobian of all rows, each with a sigma of one and no loss, has full rank at `values`; a submap is a
-    row of each of its numbers."""
+    """Whether the Jacobian of all rows, each direction that is measured with a sigma of one and no loss, has full rank
+    at `values`; a submap is a row of each of its numbers."""
     plain = Loss("squared", 1.0)
-    tables = [replace(t, whitening=np.eye(t.whitening.shape[-1])[None]).with_loss(plain) for t in system.tables]
+    tables = [replace(t, whitening=_measured(t.whitening)).with_loss(plain) for t in system.tables]
     terms = [SubmapTerm(t.base, t.values, sp.csr_array(sp.identity(t.values.layout.dof))) for t in system.submaps]
     held = system.layout.keys[~system.free.contains(system.layout.keys)]
     unweighed = System(system.layout, tables=tables, submaps=terms, fixed=held)
@@ -27,3 +30,10 @@ def fixes(system: System, values: Values) -> bool:
     except SolveError:
         return False
     return True
+
+
+def _measured(whitening: Array) -> Array:
+    """The projection (.., n, n) on the directions that a whitening matrix knows to a finite sigma."""
+    _, sizes, directions = np.linalg.svd(whitening)
+    known = sizes > ROUNDING * sizes[..., :1]
+    return np.asarray(np.swapaxes(directions, -1, -2) @ (known[..., None] * directions))
