@@ -8,7 +8,7 @@ import gc
 import io
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -30,8 +30,15 @@ FORKS = sys.platform == "linux"  # elsewhere libraries that a fork inherits may 
 
 def draw_record(record: Record, folder: Path, *, type: str = "png", dpi: float | None = None) -> list[Path]:
     """The figures of a run, into its folder of figures or another; returns the files."""
+    return draw_figures(figures_of(record), folder, type=type, dpi=dpi)
+
+
+def draw_figures(
+    figures: "Mapping[str, Figure]", folder: Path, *, type: str = "png", dpi: float | None = None
+) -> list[Path]:
+    """Figures by name, into a folder; returns the files."""
     files, folder = [], made_folder(folder)
-    for name, figure in figures_of(record).items():
+    for name, figure in figures.items():
         files.append(folder / f"{name}.{type}")
         save(figure, files[-1], dpi=dpi)
     return files

@@ -17,13 +17,13 @@ def rows_of(record: Record, robots: Sequence[str], start_s: float) -> tuple[list
     """The rows that are drawn, and in words which, where these are not all."""
     total = sum(len(found.row) for found in record.rows)
     share = min(1.0, MOST_ROWS / max(total, 1))
-    known = [_landmarks(submap) for submap in record.maps]
+    known = [landmarks_of(submap) for submap in record.maps]
     rows = [_drawn(found, known[found.component - 1], robots, start_s, share) for found in record.rows]
     said = f"Of {total:,} rows of measurements {sum(len(r.stamps) for r in rows):,} are drawn, the worst among them."
     return rows, [said] if share < 1.0 else []
 
 
-def _landmarks(submap: Submap) -> dict[str, int]:
+def landmarks_of(submap: Submap) -> dict[str, int]:
     """The place of each landmark of a map, by its name."""
     marks = index_of(submap.landmark_keys).tolist()
     return {submap.names.landmark(mark): place for place, mark in enumerate(marks)}

@@ -21,6 +21,7 @@ from teamslam.model import WORLD
 from teamslam.viz.frame import legend_beside, panel
 from teamslam.viz.marks import MOST_SIGHTINGS, draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
+from teamslam.viz.sides import Side, turned
 from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, name, plain, robot_colour, styled
 
 WIDEST = 62  # letters above one of several maps
@@ -32,13 +33,15 @@ if TYPE_CHECKING:
 
 
 @styled
-def draw_map(scene: Scene) -> "Figure":
-    """A map of the whole team, from above or in space as the robots move; a new Figure, neither shown nor saved."""
+def draw_map(scene: Scene, side: Side | None = None) -> "Figure":
+    """A map of the whole team, from above or in space as the robots move, from a `side` where one is named; a new
+    Figure, neither shown nor saved."""
     method = METHOD_NAMES.get(scene.method, scene.method)
     who = f"{len(scene.robots)} robot" + "s" * (len(scene.robots) != 1)
     title = scene.title or f"Map of {who} by {method}"
     caption = "\n".join(filter(None, (scene.caption, frame_name(scene))))
-    return _in_space(scene, title, caption) if scene.is_spatial else _from_above(scene, title, caption)
+    spatial = scene.is_spatial or side is not None
+    return _in_space(scene, title, caption, side) if spatial else _from_above(scene, title, caption)
 
 
 def _from_above(scene: Scene, title: str, caption: str) -> "Figure":
@@ -48,7 +51,7 @@ def _from_above(scene: Scene, title: str, caption: str) -> "Figure":
     return figure
 
 
-def _in_space(scene: Scene, title: str, caption: str) -> "Figure":
+def _in_space(scene: Scene, title: str, caption: str, side: Side | None) -> "Figure":
     from matplotlib.figure import Figure
 
     from teamslam.viz.space import space_axes
@@ -56,6 +59,7 @@ def _in_space(scene: Scene, title: str, caption: str) -> "Figure":
     figure = Figure(figsize=(7.4, 5.8), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
     space_axes(axes, scene)
+    turned(axes, side)
     figure.suptitle(plain(title), x=0.01, ha="left")
     axes.set_title(plain(caption, 240), loc="left", fontsize=8.5, fontweight="normal", color=INK)
     figure.legend(*legend_entries(axes), loc="outside lower center", ncols=4)

@@ -10,6 +10,8 @@ from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, name, robot_colour
 
 MOST_BALLS = 200  # drawn with meridians and parallels: of more, these would be one grey
+FLAT, LOW = 0.01, 0.08  # of the longest side: no box is flatter, and on one that is lower there is room for no tick
+TICKS = 8  # on the longest side
 
 
 def space_axes(axes: Any, scene: Scene) -> None:
@@ -28,7 +30,7 @@ def space_axes(axes: Any, scene: Scene) -> None:
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_zlabel("z [m]")
-    _equal_scale(axes)
+    equal_scale(axes)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.pane.fill = False
 
@@ -54,7 +56,17 @@ def _great_circles() -> list[Array]:
     return [np.roll(circle, axis, -1) for axis in range(3)]
 
 
-def _equal_scale(axes: Any) -> None:
-    """One scale on all three axes, filling the figure."""
+def equal_scale(axes: Any, zoom: float = 1.15) -> None:
+    """One scale on all three axes, filling the figure; as many ticks on each as there is room for."""
+    from matplotlib.ticker import MaxNLocator
+
     ranges = np.array([np.ptp(limits) for limits in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())])
-    axes.set_box_aspect(ranges / ranges.max(), zoom=1.15)
+    shares = np.maximum(ranges / ranges.max(), FLAT)
+    axes.set_box_aspect(shares, zoom=zoom)
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares.tolist(), strict=True):
+        axis.labelpad = 5.0
+        if share < LOW:
+            axis.set_ticks([])
+            axis.label.set_visible(False)
+        else:
+            axis.set_major_locator(MaxNLocator(max(round(TICKS * share), 2), steps=[1, 2, 5, 10]))
