@@ -6,7 +6,7 @@
 What stands in brackets runs beside the steps, on an executor; where none is given, between two steps.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import groupby
@@ -16,6 +16,8 @@ from teamslam.errors import SolveError
 from teamslam.model import Dataset, Submap, Table
 from teamslam.robot import Atlas, Estimate, Filter, Options, Robot, outlook
 from teamslam.robot.rows import batches, head_of, rank_of
+
+Heard = Callable[[], Sequence[Submap]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,21 +76,22 @@ def drive(
 
 
 class Mapper:
-    """What runs beside the steps: it makes submaps and maps of what is closed, one round at a time.
+    """What runs beside the steps: it makes submaps and maps of what is closed and heard, one round at a time.
     `atlas`: what it has made."""
 
-    def __init__(self, executor: Executor | None) -> None:
+    def __init__(self, executor: Executor | None = None) -> None:
         self._executor, self.atlas = executor, Atlas()
         self._round: Future[tuple[Atlas, Filter | None]] | None = None
 
-    def attend(self, robot: Robot) -> tuple[Robot, tuple[Submap, ...]]:
-        """Take in the round that has ended, if one has, and begin the next, if there is something to do."""
+    def attend(self, robot: Robot, heard: Heard = tuple) -> tuple[Robot, tuple[Submap, ...]]:
+        """Take in the round that has ended, if one has, and begin the next where a piece has closed; `heard` gives what
+        is known then of others."""
         finished: tuple[Submap, ...] = ()
         if self._round is None and self._news(robot):
             if self._executor is None:
-                robot, finished = self._taken_in(robot, *mapped(self.atlas, robot))
+                robot, finished = self._taken_in(robot, *mapped(self.atlas, robot, heard()))
             else:
-                self._round = self._executor.submit(mapped, self.atlas, robot)
+                self._round = self._executor.submit(mapped, self.atlas, robot, heard())
         elif self._round is not None and self._round.done():
             robot, finished = self._taken_in(robot, *self._round.result())
             self._round = None
@@ -99,7 +102,8 @@ class Mapper:
         finished: tuple[Submap, ...] = ()
         if self._round is not None:
             robot, finished = self._taken_in(robot, *self._round.result())
-        _, more = self._taken_in(robot, *mapped(self.atlas, robot))
+            self._round = None
+        _, more = self._taken_in(robot, built(self.atlas, robot), None)
         return finished + more
 
     def _news(self, robot: Robot) -> bool:
@@ -113,15 +117,21 @@ class Mapper:
         return (robot if start is None else robot.renew(start)), fresh
 
 
-def mapped(atlas: Atlas, robot: Robot) -> tuple[Atlas, Filter | None]:
-    """The atlas with all that a robot has closed, and the filter with which its open rows begin in the map."""
+def built(atlas: Atlas, robot: Robot) -> Atlas:
+    """The atlas with all that a robot has closed."""
     for piece in robot.closed:
         held = atlas.stretches.get(piece.number)
         if held is None or held.version < piece.version:
             atlas = atlas.with_stretch(piece.number, piece.version, robot.pieces(piece.number), piece.end)
-    known = None if robot.since is None else atlas.map_with(robot.since)
+    return atlas
+
+
+def mapped(atlas: Atlas, robot: Robot, heard: Sequence[Submap] = ()) -> tuple[Atlas, Filter | None]:
+    """The atlas with all that a robot has closed and heard, and the filter with which its open rows begin."""
+    atlas = built(atlas, robot).with_heard(heard, robot.number)
+    if robot.since is None or (known := atlas.map_with(robot.since)) is None:
+        return atlas, None
     try:
-        start = None if known is None else outlook(known, int(robot.since or 0), robot.options.landmarks)
+        return atlas, outlook(known, robot.since, robot.options.landmarks)
     except SolveError:
-        start = None
-    return atlas, start
+        return atlas, None

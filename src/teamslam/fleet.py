@@ -1,0 +1,117 @@
+"""A whole team on one machine, from a log: each robot drives, closes submaps and exchanges them over links in memory.
+
+    rows of all robots in time order ─ step ─ close ─ map ─┐
+    packets over lines that lose, delay and repeat ────────┴─ peers ─ one set, one map
+
+Time is that of the log; it goes on after the last row until all hold the same, or for `settle_s`.
+"""
+
+import heapq
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from teamslam.live import Mapper, replayed
+from teamslam.model import Dataset, Submap, Table
+from teamslam.robot import Estimate, Options, Robot
+from teamslam.robot.link import Link
+from teamslam.robot.link.memory import Air, Weather, always
+from teamslam.robot.peer import Habits, Peer
+
+TURNS = 4  # of each peer between two announcements
+
+
+@dataclass
+class Member:
+    """One robot of the team: its log so far, its maps, what it knows of others, its end of the link, and the poses that
+    it told at the time."""
+
+    robot: Robot
+    peer: Peer
+    link: Link
+    mapper: Mapper = field(default_factory=Mapper)
+    told: list[Estimate] = field(default_factory=list)
+
+    def drive(self, tables: list[Table]) -> None:
+        """Some rows more."""
+        self.robot = self.robot.step(tables)
+        if self.robot.due:
+            self.robot = self.robot.close()
+        self.robot, finished = self.mapper.attend(self.robot, self.others)
+        self.peer = self.peer.with_submaps(finished)
+        if (now := self.robot.now) is not None:
+            self.told.append(now)
+
+    def park(self) -> None:
+        """No rows will come any more."""
+        self.robot = self.robot.finish()
+        self.peer = self.peer.with_submaps(self.mapper.finish(self.robot))
+
+    def talk(self, now_s: float) -> None:
+        """Hear and say what there is."""
+        self.peer, out = self.peer.step(now_s, self.link.receive())
+        for packet in out:
+            self.link.send(packet.to, packet.data)
+
+    def others(self) -> tuple[Submap, ...]:
+        """What it has heard."""
+        return self.peer.held.submaps
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """What came of it: the members by their number, the bytes carried by line, and how long after the last row [s] all
+    held the same (None: not within the time given)."""
+
+    members: Mapping[int, Member]
+    carried: Mapping[tuple[int, int], int]
+    settled_s: float | None
+
+
+def fleet(
+    log: Dataset,
+    options: Options | None = None,
+    *,
+    habits: Habits | None = None,
+    weather: Weather | None = None,
+    seed: int = 0,
+    settle_s: float = 600.0,
+    progress: Callable[[float], None] | None = None,
+) -> Fleet:
+    """The robots of a log as if they drove now, each knowing its own rows and what it hears.
+
+    Law: where all end up holding the same, their maps are equal to the bit, and are that of the submaps of `split` and
+    `build`.
+    """
+    habits, air = habits or Habits(), Air(weather or Weather(), seed, always)
+    numbers = [robot for robot in sorted(log.robots) if log.of_robot(robot).tables]
+    members = {n: Member(Robot.of(log, n, options), Peer(n, habits), air.link(n)) for n in numbers}
+    turn_s = habits.announce_s / TURNS
+    now_s: float | None = None
+    rows = heapq.merge(*(_rows(log, number) for number in numbers), key=lambda row: row[:2])
+    for stamp, number, tables in rows:
+        now_s = stamp if now_s is None else now_s
+        while now_s + turn_s <= stamp:
+            now_s += turn_s
+            _turn(air, members, now_s)
+        members[number].drive(tables)
+        if progress is not None:
+            progress(stamp)
+    for member in members.values():
+        member.park()
+    end_s = now_s = now_s or 0.0
+    while len({member.peer.root for member in members.values()}) > 1 and now_s - end_s < settle_s:
+        now_s += turn_s
+        _turn(air, members, now_s)
+    same = len({member.peer.root for member in members.values()}) <= 1
+    return Fleet(members, dict(air.carried), now_s - end_s if same else None)
+
+
+def _rows(log: Dataset, number: int) -> Iterator[tuple[float, int, list[Table]]]:
+    for stamp, tables in replayed(log, number):
+        yield stamp, number, tables
+
+
+def _turn(air: Air, members: Mapping[int, Member], now_s: float) -> None:
+    air.tick(now_s)
+    for member in members.values():
+        member.talk(now_s)

@@ -1,0 +1,289 @@
+"""A robot among others: it tells what it holds, asks for what it lacks, and ends up with what all know together.
+
+    step    (peer, time, packets in) -> (peer, packets out): pure, the same packets at the same times give the same
+
+It pulls: nobody sends a body that was not asked for. Every packet may be lost, late, out of order or repeated: what is
+held is a set that grows (`SubmapSet`), what was asked for and did not come is asked for again, of whoever has it, and
+what is known already changes nothing. So robots that can reach each other, directly or through others, hold the same in
+the end, and make one map of it, to the bit. A body is passed on as the bytes that were heard.
+
+Bodies wait for their turn: `rate` bytes a second to each robot. The one who asks says in which order: those with the
+most measurements first.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+
+from teamslam.errors import InputError, TeamslamError
+from teamslam.model import Submap
+from teamslam.robot.packets import (
+    Ask,
+    Body,
+    Entry,
+    Have,
+    List,
+    Packet,
+    Want,
+    digest_of,
+    from_bytes,
+    root_of,
+    to_bytes,
+)
+from teamslam.team import SubmapSet
+from teamslam.team.sets import Held
+from teamslam.wire import receive, send
+
+EVERYONE = 0  # in place of a robot's number: all that can be reached
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How often a robot tells what it holds [s], how long it waits for an answer [s], how many bytes of bodies it sends
+    to each other robot [a second; None: all that is asked for], and how large a packet it takes [bytes]."""
+
+    announce_s: float = 1.0
+    patience_s: float = 3.0
+    rate: float | None = None
+    largest: int = 64 << 20
+
+    def __post_init__(self) -> None:
+        for name in ("announce_s", "patience_s", "rate", "largest"):
+            found = getattr(self, name)
+            if found is not None and not 0 < found < float("inf"):
+                raise InputError(f"a number above 0 is needed, found {found}", field=name)
+
+
+@dataclass(frozen=True)
+class Outgoing:
+    """A packet to a robot, or to EVERYONE."""
+
+    to: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What went to one robot: packets and bytes of bodies, and of all else."""
+
+    bodies: int = 0
+    body_bytes: int = 0
+    words: int = 0
+    word_bytes: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """A body that is held, and its entry."""
+
+    entry: Entry
+    data: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """What a robot knows of its line to another: when it last asked for the list, what the other said that it holds,
+    the bodies that the other waits for, and when the next may go."""
+
+    asked_s: float = -1e300
+    lists: tuple[Entry, ...] = ()
+    waiting: tuple[bytes, ...] = ()
+    free_s: float = 0.0
+    sent: Sent = Sent()
+
+
+@dataclass(frozen=True, eq=False)
+class Peer:
+    """A robot among others.
+
+    `held`: what it knows of the team; `bodies` by digest; `lines` to others by their number; `wanted`: when each body
+    was last asked for; `announced_s`: when it last told what it holds; `refused`: packets that made no sense, by
+    reason.
+    """
+
+    number: int
+    habits: Habits = field(default_factory=Habits)
+    held: SubmapSet = field(default_factory=SubmapSet)
+    bodies: Mapping[bytes, Content] = field(default_factory=lambda: MappingProxyType({}))
+    lines: Mapping[int, Line] = field(default_factory=lambda: MappingProxyType({}))
+    wanted: Mapping[bytes, float] = field(default_factory=lambda: MappingProxyType({}))
+    announced_s: float = -1e300
+    refused: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+
+    # --- what it holds --------------------------------------------------------------------------------------------
+
+    @cached_property
+    def listing(self) -> List:
+        """All that it holds, in order."""
+        entries: list[Entry] = []
+        for id_, held in sorted(self.held.held.items()):
+            if held.removed:
+                entries.append(Entry(id_, held.version))
+            else:
+                entries += [self.bodies[digest].entry for digest in sorted(map(digest_of, held.contents))]
+        return List(tuple(entries), tuple(sorted(self.held.removed_robots.items())))
+
+    @cached_property
+    def root(self) -> bytes:
+        """What names all that it holds."""
+        return root_of(self.listing)
+
+    @cached_property
+    def missing(self) -> tuple[Entry, ...]:
+        """What others said they hold, and this one lacks: those with the most measurements first."""
+        known = {e.digest: e for line in self.lines.values() for e in line.lists if e.digest is not None}
+        lacked = [entry for entry in known.values() if entry.digest not in self.bodies and self._news(entry)]
+        return tuple(sorted(lacked, key=lambda entry: (-entry.rows, entry.digest or b"")))
+
+    def _news(self, entry: Entry) -> bool:
+        """Whether an entry would change what is held."""
+        mine = self.held.held.get(entry.id)
+        if mine is None:
+            return True
+        return (entry.version, entry.digest is None) > (mine.version, mine.removed) or (
+            entry.version == mine.version and not mine.removed and entry.digest is not None
+        )
+
+    def with_submaps(self, submaps: Iterable[Submap]) -> "Peer":
+        """With submaps of its own, new or in newer versions."""
+        return self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in submaps)
+
+    def with_bodies(self, bodies: Iterable[bytes]) -> "Peer":
+        """With submaps as messages. Raises InputError where one is not sound."""
+        peer = self
+        for data in bodies:
+            peer = peer._with_body(data)
+        return peer
+
+    def with_set(self, known: SubmapSet) -> "Peer":
+        """With what is known from elsewhere: of a robot that begins anew, and removals."""
+        peer = self.with_bodies(data for held in known.held.values() for data in sorted(held.contents))
+        return replace(peer, held=peer.held.merge(known))
+
+    def _with_body(self, data: bytes) -> "Peer":
+        """With one body more. Raises InputError where it is no sound message."""
+        digest = digest_of(data)
+        if digest in self.bodies:
+            return self
+        entry = entry_of(data)
+        held = self.held.merge(SubmapSet({entry.id: Held(entry.version, False, frozenset({data}))}))
+        bodies = {**self.bodies, digest: Content(entry, data)}
+        kept = {digest_of(data) for entry_ in held.held.values() for data in entry_.contents}
+        return replace(self, held=held, bodies=MappingProxyType({d: c for d, c in bodies.items() if d in kept}))
+
+    # --- a step ---------------------------------------------------------------------------------------------------
+
+    def step(self, now_s: float, inbox: Sequence[tuple[int, bytes]]) -> tuple["Peer", list[Outgoing]]:
+        """The peer after some packets (from whom, bytes) at a time, and what it says."""
+        peer, out = self, list[tuple[int, Packet]]()
+        for sender, data in inbox:
+            try:
+                if len(data) > self.habits.largest:
+                    raise InputError(f"a packet of more than {self.habits.largest} bytes")
+                peer, said = peer._heard(now_s, sender, from_bytes(data))
+                out += said
+            except TeamslamError as error:
+                peer = peer._refusing(str(error))
+        for turn in (_asking, _sending, _telling):
+            peer, said = turn(peer, now_s)
+            out += said
+        packets = [Outgoing(to, to_bytes(packet)) for to, packet in out]
+        return peer._booked(out, packets), packets
+
+    def _heard(self, now_s: float, sender: int, packet: Packet) -> tuple["Peer", list[tuple[int, Packet]]]:
+        line = self.lines.get(sender, Line())
+        match packet:
+            case Have(root):
+                if root == self.root or now_s - line.asked_s < self.habits.patience_s:
+                    return self._on(sender, line), []
+                return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask())]
+            case Ask():
+                return self._on(sender, line), [(sender, self.listing)]
+            case List(entries, removed):
+                gone = {e.id: Held(e.version, True) for e in entries if e.digest is None}
+                held = self.held.merge(SubmapSet(MappingProxyType(gone), MappingProxyType(dict(removed))))
+                heard = replace(self, held=held) if held != self.held else self
+                return heard._on(sender, replace(line, lists=entries, asked_s=-1e300)), []
+            case Want(digests):
+                more = tuple(d for d in digests if d in self.bodies and d not in line.waiting)
+                return self._on(sender, replace(line, waiting=line.waiting + more)), []
+            case Body(data):
+                wanted = MappingProxyType({d: t for d, t in self.wanted.items() if d != digest_of(data)})
+                return replace(self._with_body(data), wanted=wanted)._on(sender, line), []
+        raise AssertionError(packet)
+
+    def _refusing(self, reason: str) -> "Peer":
+        return replace(self, refused=MappingProxyType({**self.refused, reason: self.refused.get(reason, 0) + 1}))
+
+    def _on(self, sender: int, line: Line) -> "Peer":
+        if self.lines.get(sender) is line:
+            return self
+        return replace(self, lines=MappingProxyType({**self.lines, sender: line}))
+
+    def _booked(self, out: Sequence[tuple[int, Packet]], packets: Sequence[Outgoing]) -> "Peer":
+        """With what was said written down for each line."""
+        peer = self
+        for (to, packet), outgoing in zip(out, packets, strict=True):
+            line, size = peer.lines.get(to, Line()), len(outgoing.data)
+            s = line.sent
+            if isinstance(packet, Body):
+                s = replace(s, bodies=s.bodies + 1, body_bytes=s.body_bytes + size)
+            else:
+                s = replace(s, words=s.words + 1, word_bytes=s.word_bytes + size)
+            peer = peer._on(to, replace(line, sent=s))
+        return peer
+
+
+@lru_cache(maxsize=4096)
+def entry_of(data: bytes) -> Entry:
+    """The entry of a body; what robots of one process hold in common is opened once. Raises InputError where it is no
+    sound message."""
+    received = receive(data)
+    return Entry(received.id, received.version, digest_of(data), len(data), received.submap().rows)
+
+
+Said = tuple[Peer, list[tuple[int, Packet]]]
+
+
+def _asking(peer: Peer, now_s: float) -> Said:
+    """Ask for what is missing and was not asked for lately: each body of one who has it, each time of another."""
+    before = now_s - peer.habits.patience_s
+    due = [e.digest for e in peer.missing if e.digest and peer.wanted.get(e.digest, -1e300) <= before]
+    if not due:
+        return peer, []
+    holders = {
+        digest: [to for to, line in sorted(peer.lines.items()) if any(e.digest == digest for e in line.lists)]
+        for digest in due
+    }
+    turn = round(now_s / peer.habits.patience_s)
+    wants: dict[int, list[bytes]] = {}
+    for number, digest in enumerate(due):
+        whom = holders[digest][(turn + number) % len(holders[digest])]
+        wants.setdefault(whom, []).append(digest)
+    wanted = MappingProxyType({**peer.wanted, **dict.fromkeys(due, now_s)})
+    return replace(peer, wanted=wanted), [(to, Want(tuple(digests))) for to, digests in wants.items()]
+
+
+def _sending(peer: Peer, now_s: float) -> Said:
+    """Send the bodies whose turn it is."""
+    out: list[tuple[int, Packet]] = []
+    for to, line in sorted(peer.lines.items()):
+        free_s, waiting = line.free_s, list(line.waiting)
+        while waiting and free_s <= now_s:
+            content = peer.bodies.get(waiting.pop(0))
+            if content is None:  # replaced since
+                continue
+            out.append((to, Body(content.data)))
+            if peer.habits.rate is not None:
+                free_s = max(free_s, now_s) + len(content.data) / peer.habits.rate
+        if len(waiting) != len(line.waiting):
+            peer = peer._on(to, replace(line, free_s=free_s, waiting=tuple(waiting)))
+    return peer, out
+
+
+def _telling(peer: Peer, now_s: float) -> Said:
+    """Tell what is held, if it is time."""
+    if now_s - peer.announced_s < peer.habits.announce_s:
+        return peer, []
+    return replace(peer, announced_s=now_s), [(EVERYONE, Have(peer.root))]

@@ -1,0 +1,190 @@
+"""Robots that tell, ask and send over poor links: every course of things ends in one set and one map, to the bit."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from teamslam.errors import InputError
+from teamslam.joining import build, split
+from teamslam.model import Submap
+from teamslam.robot.link.memory import Air, Weather
+from teamslam.robot.packets import Ask, Body, Entry, Have, List, Want, from_bytes, to_bytes
+from teamslam.robot.peer import EVERYONE, Habits, Peer
+from teamslam.team import SubmapSet
+from teamslam.wire.messages import canonical, send
+from worlds import team
+
+ROBOTS = (1, 2, 3)
+TEAM = team("2d", robots=3, poses=9, landmarks=5, sees=0.8)
+SUBMAPS = {robot: [build(piece) for piece in split(TEAM.of_robot(robot), poses_per_piece=5)] for robot in ROBOTS}
+OFFLINE = SubmapSet.of(*(submap for submaps in SUBMAPS.values() for submap in submaps))
+
+
+@functools.cache
+def map_of(known: SubmapSet) -> bytes:
+    if not known.submaps:
+        return b""
+    return b"".join(canonical(component.map) for component in known.join().components)
+
+
+def message(submap: Submap, version: int = 0) -> bytes:
+    newer = replace(submap, version=version)
+    return send("sparse", newer, newer.values.layout.keys).data
+
+
+MESSAGES = {robot: [[message(s, v) for v in (0, 1 - n)] for n, s in enumerate(m)] for robot, m in SUBMAPS.items()}
+
+
+def course(seed: int) -> tuple[dict[int, Peer], SubmapSet]:
+    """Three robots for a while in bad weather: they come late, links are cut, submaps get newer versions, a robot is
+    started anew with what it had on its disk. Then the weather clears a little, and each is in reach of some other (the
+    first and the last only through the second)."""
+    rng = np.random.default_rng([seed, 1])
+    bad = Weather(
+        loss=float(rng.uniform(0.0, 0.6)), twice=float(rng.uniform(0.0, 0.5)), most_s=float(rng.uniform(0.0, 4.0))
+    )
+    cut = [(int(rng.integers(1, 4)), float(rng.uniform(0, 20)), float(rng.uniform(0, 20))) for _ in range(3)]
+
+    def reach(a: int, b: int, now_s: float) -> bool:
+        return abs(a - b) == 1 and not any(r in (a, b) and begin < now_s < begin + long for r, begin, long in cut)
+
+    air = Air(bad, seed, reach)
+    habits = Habits(announce_s=2.0, patience_s=4.0, rate=[None, 2e4][seed % 2])
+    starts = {robot: float(rng.uniform(0.0, 10.0)) for robot in ROBOTS}
+    peers: dict[int, Peer] = {}
+    links, known = {}, SubmapSet()
+    for now_s in range(300):
+        for robot in ROBOTS:
+            if robot not in peers and now_s >= starts[robot]:
+                peers[robot], links[robot] = Peer(robot, habits), air.link(robot)
+        air.tick(now_s)
+        if now_s == 25:
+            air.weather = replace(bad, loss=min(bad.loss, 0.3))
+        for robot, peer in peers.items():
+            if now_s < 25 and rng.random() < 0.25:
+                own = MESSAGES[robot][int(rng.integers(len(SUBMAPS[robot])))][int(rng.random() < 0.3)]
+                peer = peer.with_bodies([own])
+                known = known.merge(peer.held)
+            if now_s < 25 and rng.random() < 0.05:  # killed, and started anew
+                peer, links[robot] = Peer(robot, habits).with_set(peer.held), air.link(robot)
+            peers[robot], out = peer.step(now_s, links[robot].receive())
+            for packet in out:
+                links[robot].send(packet.to, packet.data)
+        if now_s > 25 and len({peer.root for peer in peers.values()}) == 1:
+            break
+    return peers, known
+
+
+@pytest.mark.parametrize("hundred", range(10))
+def test_a_thousand_courses_end_in_one_map_that_is_the_offline_one(hundred: int) -> None:
+    for seed in range(100 * hundred, 100 * (hundred + 1)):
+        peers, known = course(seed)
+        assert all(peer.held == known for peer in peers.values()), seed
+        assert all(not peer.missing and not peer.refused for peer in peers.values()), seed
+        assert len({map_of(peer.held) for peer in peers.values()} | {map_of(known)}) == 1, seed
+
+
+def test_what_is_exchanged_makes_the_offline_map() -> None:
+    peers = {robot: Peer(robot).with_submaps(SUBMAPS[robot]) for robot in ROBOTS}
+    air = Air(Weather(), 0)
+    links = {robot: air.link(robot) for robot in ROBOTS}
+    for tick in range(12):
+        air.tick(float(tick))
+        for robot in ROBOTS:
+            peers[robot], out = peers[robot].step(float(tick), links[robot].receive())
+            for packet in out:
+                links[robot].send(packet.to, packet.data)
+    assert all(map_of(peer.held) == map_of(OFFLINE) for peer in peers.values())
+    # Nobody sent what was not asked for: each body went once to each of the others, from one of them.
+    bodies = sum(len(m) for m in SUBMAPS.values())
+    assert sum(line.sent.bodies for peer in peers.values() for line in peer.lines.values()) == 2 * bodies
+
+
+def test_a_step_is_pure() -> None:
+    peer = Peer(1).with_submaps(SUBMAPS[1])
+    inbox = [(2, to_bytes(Have(bytes(16)))), (2, to_bytes(Ask()))]
+    one, first = peer.step(5.0, inbox)
+    two, second = peer.step(5.0, inbox)
+    assert first == second and one.root == two.root == peer.root and not peer.lines
+
+
+def test_removals_spread() -> None:
+    peers = {robot: Peer(robot).with_submaps(SUBMAPS[robot]) for robot in (1, 2)}
+    air = Air(Weather(), 0)
+    links = {robot: air.link(robot) for robot in peers}
+    gone = SUBMAPS[2][0]
+    for tick in range(24):
+        if tick == 10:
+            removed = SubmapSet().remove(gone.id, gone.version)
+            peers[1] = peers[1].with_set(removed.merge(SubmapSet().remove_robot(3, 7)))
+        air.tick(float(tick))
+        for robot in peers:
+            peers[robot], out = peers[robot].step(float(tick), links[robot].receive())
+            for packet in out:
+                links[robot].send(packet.to, packet.data)
+    assert peers[1].held == peers[2].held and peers[2].held.removed_robots == {3: 7}
+    assert gone.id not in {submap.id for submap in peers[2].held.submaps}
+
+
+def test_a_rate_is_kept() -> None:
+    peer = Peer(1, Habits(rate=1000.0)).with_submaps(SUBMAPS[1])
+    wanted = to_bytes(Want(tuple(peer.bodies)))
+    sizes = [content.entry.size for content in peer.bodies.values()]
+    gone, now_s = 0, 0.0
+    inbox = [(2, wanted)]
+    for _ in range(2000):
+        peer, out = peer.step(now_s, inbox)
+        gone += sum(len(packet.data) for packet in out if isinstance(from_bytes(packet.data), Body))
+        assert gone <= 1000.0 * now_s + max(sizes) + 100
+        inbox, now_s = [], now_s + 0.1
+    assert gone >= sum(sizes)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.one_of(st.binary(max_size=200), st.integers(0, 400)))
+def test_packets_that_make_no_sense_are_refused_and_counted(noise: bytes | int) -> None:
+    peer = Peer(1).with_submaps(SUBMAPS[1])
+    data = to_bytes(Body(next(iter(peer.bodies.values())).data))
+    if isinstance(noise, int):  # a bit of a sound body is turned
+        turned = bytearray(data)
+        turned[noise % len(data)] ^= 1 << (noise % 8)
+        noise = bytes(turned)
+    after, _ = Peer(2).step(0.0, [(1, noise)])
+    assert after.held == SubmapSet() and after.root == Peer(2).root
+    try:
+        sound = not isinstance(from_bytes(noise), Body)
+    except InputError:
+        sound = False
+    assert sound or sum(after.refused.values()) == 1
+
+
+def test_a_packet_that_is_too_large_is_refused() -> None:
+    peer, _ = Peer(1, Habits(largest=100)).step(0.0, [(2, to_bytes(Body(bytes(200))))])
+    assert list(peer.refused.values()) == [1] and "more than 100 bytes" in next(iter(peer.refused))
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        Have(bytes(16)),
+        Ask(),
+        Want((bytes(16),)),
+        Body(b"x"),
+        List((Entry("a", 1), Entry("b", 2, bytes(16), 3, 4)), ((1, 2),)),
+    ],
+)
+def test_packets_come_back_from_bytes(packet: Have | Ask | Want | Body | List) -> None:
+    assert from_bytes(to_bytes(packet)) == packet
+
+
+def test_lines_that_cannot_be_are_named() -> None:
+    for wrong in ({"loss": 1.0}, {"twice": -0.1}, {"least_s": 2.0, "most_s": 1.0}, {"rate": 0.0}):
+        with pytest.raises(InputError):
+            Weather(**wrong)
+    with pytest.raises(InputError):
+        Habits(patience_s=0.0)
+    assert EVERYONE == 0
