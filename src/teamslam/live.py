@@ -128,7 +128,7 @@ def built(atlas: Atlas, robot: Robot) -> Atlas:
 
 def mapped(atlas: Atlas, robot: Robot, heard: Sequence[Submap] = ()) -> tuple[Atlas, Filter | None]:
     """The atlas with all that a robot has closed and heard, and the filter with which its open rows begin."""
-    atlas = built(atlas, robot).with_heard(heard, robot.number)
+    atlas = built(atlas, robot).in_short(heard, robot.number)
     if robot.since is None or (known := atlas.map_with(robot.since)) is None:
         return atlas, None
     try:

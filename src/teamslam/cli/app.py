@@ -23,6 +23,7 @@ from teamslam.cli.run import run
 from teamslam.cli.score import score
 from teamslam.cli.simulate import simulate
 from teamslam.cli.split import split
+from teamslam.cli.team import team
 from teamslam.cli.view import view
 from teamslam.cli.voice import spoken
 from teamslam.errors import SolveError, TeamslamError
@@ -47,7 +48,8 @@ Shell completion: `teamslam --install-completion`.
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
 app.register_install_completion_command(help="Install completion of commands and options for this shell.")
-for command in (demo, run, simulate, convert, info, score, plot, view, paper, split, build, join, exchange, robot):
+COMMANDS = (demo, run, simulate, convert, info, score, plot, view, paper, split, build, join, exchange, robot, team)
+for command in COMMANDS:
     app.command(spoken(command))
 
 

@@ -1,8 +1,8 @@
-"""What a robot makes of its closed pieces: a submap of each, and their map. It takes its time, beside the steps.
+"""What a robot makes of its closed pieces and of what it hears. It takes its time, beside the steps.
 
     submaps   Algorithm 1 of each piece: what `build` makes offline, to the bit; these are sent to others
-    map       Algorithm 2 of the submaps, each condensed to its landmarks and the poses where pieces meet, and of what
-              was heard of others; of its own alone where they do not go together
+    map       Algorithm 2 of the submaps and of those of others, each condensed to what the rest of them needs:
+              landmarks, the poses where pieces meet, and those that others saw
 
 A closed piece that got a late row comes again with a higher version, and replaces.
 """
@@ -15,28 +15,39 @@ from types import MappingProxyType
 import numpy as np
 
 from teamslam.errors import SolveError, TeamslamError
-from teamslam.joining import Joined, build, condense, join
-from teamslam.model import Dataset, Submap, is_landmark, is_pose, robot_of
+from teamslam.geometry import IntArray
+from teamslam.joining import Joined, build, condense, join, separators
+from teamslam.model import Dataset, Submap
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """The submaps of one closed stretch, whole and condensed, and why there is none of some of its parts."""
+    """The submaps of one closed stretch up to the pose `end`, and why there is none of some of its parts."""
 
     version: int
+    end: int | None
     submaps: tuple[Submap, ...]
-    condensed: tuple[Submap, ...]
     unbuilt: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
+class Short:
+    """A submap condensed to the variables `keep`."""
+
+    keep: IntArray
+    submap: Submap
+    own: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Atlas:
-    """The stretches of a robot's way by their number, and what was heard of others: their submaps, condensed."""
+    """The stretches of a robot's way by their number; and what their map is made of (`short`), by id and version, those
+    of others as well."""
 
     stretches: Mapping[int, Stretch] = field(default_factory=lambda: MappingProxyType({}))
-    heard: tuple[Submap, ...] = ()
+    short: Mapping[tuple[str, int], Short] = field(default_factory=lambda: MappingProxyType({}))
 
     def with_stretch(
         self, number: int, version: int, pieces: Sequence[Dataset], end: int | None, options: Options = DEFAULTS
@@ -52,18 +63,29 @@ class Atlas:
                 submaps.append(build(piece, version=version, options=options))
             except SolveError as error:
                 unbuilt.append(str(error))
-        small = tuple(_condensed(submap, end) for submap in submaps)
-        stretch = Stretch(version, tuple(submaps), small, tuple(unbuilt))
+        stretch = Stretch(version, end, tuple(submaps), tuple(unbuilt))
         return replace(self, stretches=MappingProxyType({**self.stretches, number: stretch}))
 
-    def with_heard(self, submaps: Sequence[Submap], robot: int) -> "Atlas":
-        """With what others made, in place of what was heard before; of `robot`, whose atlas it is, nothing."""
-        others = (submap for submap in submaps if robot not in submap.robots)
-        return replace(self, heard=tuple(_condensed(submap, None, robot) for submap in others))
+    def in_short(self, heard: Sequence[Submap] = (), robot: int = 0) -> "Atlas":
+        """With what the map is made of brought up to date: its own submaps, and those that were `heard` but for those
+        of `robot`, whose atlas it is."""
+        own = self.submaps
+        submaps = [*own, *(submap for submap in heard if robot not in submap.robots)]
+        needed = separators(submaps, landmarks=True)
+        ends = np.array([s.end for s in self.stretches.values() if s.end is not None], np.int64)
+        short = {}
+        for number, submap in enumerate(submaps):
+            keys = submap.values.layout.keys
+            keep = np.union1d(needed[submap.id], keys[np.isin(keys, ends)])
+            held = self.short.get((submap.id, submap.version))
+            if held is None or not np.array_equal(held.keep, keep):
+                held = Short(keep, _condensed(submap, keep), number < len(own))
+            short[submap.id, submap.version] = held
+        return replace(self, short=MappingProxyType(short))
 
     @property
     def submaps(self) -> tuple[Submap, ...]:
-        """All submaps, as they would be sent."""
+        """All submaps of its own, as they would be sent."""
         return tuple(submap for _, stretch in sorted(self.stretches.items()) for submap in stretch.submaps)
 
     @property
@@ -73,11 +95,11 @@ class Atlas:
 
     @cached_property
     def joined(self) -> Joined | None:
-        """The map of the condensed submaps; None where there are none, or no map can be made of them."""
-        own = [submap for _, stretch in sorted(self.stretches.items()) for submap in stretch.condensed]
-        for submaps in ([*own, *self.heard], own):
+        """The map of what is in short; of its own submaps alone where those of others do not go with them. None where
+        there are none, or no map can be made of them."""
+        for shorts in (self.short.values(), [short for short in self.short.values() if short.own]):
             try:
-                return join(submaps) if submaps else None
+                return join(short.submap for short in shorts) if shorts else None
             except TeamslamError:
                 continue
         return None
@@ -89,14 +111,8 @@ class Atlas:
         return next((c.map for c in self.joined.components if pose in c.map.keys), None)
 
 
-def _condensed(submap: Submap, end: int | None, robot: int | None = None) -> Submap:
-    """What a map of landmarks needs of a submap: these, the pose `end`, poses of `robot`, and what raw rows name."""
-    keys = submap.values.layout.keys
-    named = [table.keys.ravel() for table in submap.raw]
-    needed = is_landmark(keys) | np.isin(keys, np.concatenate([*named, [-1 if end is None else end]]))
-    if robot is not None:
-        needed |= is_pose(keys) & (robot_of(keys) == robot)
+def _condensed(submap: Submap, keep: IntArray) -> Submap:
     try:
-        return condense(submap, keys[needed])[0]
+        return condense(submap, keep)[0]
     except SolveError:  # an interior that only just holds: as it is
         return submap

@@ -1,0 +1,46 @@
+"""`teamslam team`: a team that drives and exchanges on one machine; the map of all is the offline map."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from teamslam.io import read, read_submaps, write
+from teamslam.joining import build, split
+from teamslam.team import SubmapSet
+from teamslam.wire.messages import canonical
+from worlds import team
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small team's log with truth."""
+    path = tmp_path_factory.mktemp("team") / "log"
+    write(team("2d", robots=3, poses=24, landmarks=8, sees=0.6), path, "plain")
+    return path
+
+
+def test_over_poor_links_it_is_the_offline_map(teamslam, log: Path, tmp_path: Path) -> None:
+    links = ["--loss", 0.3, "--delay", 1.5, "--twice", 0.2, "--line-rate", 20000, "--seed", 3]
+    called = teamslam("team", log, "--out", tmp_path / "team", "--poses-per-piece", 9, *links)
+    assert called.code == 0, called.err
+    report = json.loads((tmp_path / "team" / "report.json").read_text())
+    assert report["maps_equal"] and report["equal_to_offline"]
+    assert {(link["from"], link["to"]) for link in report["links"]} == {(a, b) for a in "123" for b in "123" if a != b}
+    offline = SubmapSet.of(*(build(piece) for piece in split(read(log), poses_per_piece=9))).join()
+    assert [canonical(m) for m in read_submaps(tmp_path / "team" / "maps")] == [canonical(offline.map)]
+
+
+@pytest.mark.parametrize(
+    ("extra", "says"),
+    [
+        (("--loss", 1.0), "a share is from 0 to below 1"),
+        (("--rate", -5), "a number above 0"),
+        (("--poses-per-piece", 1), "at least 2 poses"),
+    ],
+)
+def test_links_that_cannot_be_are_refused(
+    teamslam, log: Path, tmp_path: Path, extra: tuple[object, ...], says: str
+) -> None:
+    called = teamslam("team", log, "--out", tmp_path / "out", *extra)
+    assert called.code == 2 and says in called.err and not (tmp_path / "out").exists()
