@@ -2,9 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from teamslam.cli.numbers import MaybeWhole, Whole
 
@@ -24,7 +21,6 @@ def team(
     rate: float | None = None,
     seed: Whole = 0,
     format: str | None = None,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
 ) -> int:
     """Let a team's robots drive as in its log, each with its own rows alone, and exchange submaps over poor links.
 
@@ -65,10 +61,8 @@ def team(
         Of what becomes of packets.
     format
         The format of the log, where it cannot be told from its looks.
-    quiet
-        Print nothing but errors.
     """
-    from teamslam.cli.console import complain, say
+    from teamslam.cli.console import answer, complain, say
     from teamslam.fleet import fleet
     from teamslam.io import read, write_submaps
     from teamslam.results import refuse_to_overwrite, whole_folder
@@ -91,14 +85,15 @@ def team(
     whole = report["maps_equal"] and report["equal_to_offline"] and report["components"] == 1
     if not report["maps_equal"]:
         complain("the robots' maps are not equal: some lack what others hold; see 'missing' in report.json")
-    if not quiet:
-        carried = sum(link["carried_bytes"] for link in report["links"])
-        say(f"written: {out}: {counted(len(found.members), 'robot')}, {counted(report['components'], 'part')}, "
-            f"{counted(carried, 'byte')} sent")  # fmt: skip
-        for name, words in (("robot", "robots"), ("landmark", "landmarks")):
-            key = "robot_position_rmse_m" if name == "robot" else "landmark_rmse_m"
-            if report[key] is not None:
-                say(f"{words}' position RMSE {report[key]:.3f} m")
-        if report["online_position_rmse_m"] is not None:
-            say(f"as told at the time {report['online_position_rmse_m']:.3f} m")
+    carried = sum(link["carried_bytes"] for link in report["links"])
+    parts = counted(len(found.members), "robot", report["components"], "part", carried, "byte")
+    say(f"written: {out}: {parts} sent")
+    for what, field in (
+        ("robots' position RMSE", "robot_position_rmse_m"),
+        ("landmarks' position RMSE", "landmark_rmse_m"),
+        ("as told at the time", "online_position_rmse_m"),
+    ):
+        if report[field] is not None:
+            say(f"{what} {report[field]:.3f} m")
+    answer(report)
     return 0 if whole else 1
