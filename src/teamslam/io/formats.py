@@ -65,6 +65,7 @@ MAP_FORMATS: dict[str, Format] = {
     "tum": Format("teamslam.io.maps.tum", "TUM trajectories, a file a robot", (".tum",), reads=False),
     "rrd": Format("teamslam.io.maps.rerun_rrd", "a scene for rerun (.rrd)", (".rrd",), reads=False),
     "foxglove": Format("teamslam.io.maps.foxglove_mcap", "a scene for Foxglove (.mcap)", (".mcap",), reads=False),
+    "wpilib": Format("teamslam.io.maps.wpilib", "tags as a field layout of WPILib (.json)", (".json",), reads=False),
     "csv": Format("teamslam.io.maps.table", "one table of poses and landmarks with covariances", (".csv",)),
 }
 
