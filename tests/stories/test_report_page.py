@@ -153,9 +153,25 @@ def test_two_maps_stand_side_by_side(chrome: Any, pages: Callable[[str], Path]) 
     both = [picture(chrome, MAP), picture(chrome, "#map-2")]
     slide(chrome, 0.3)
     assert picture(chrome, MAP) != both[0] and picture(chrome, "#map-2") != both[1]
+    assert "could not be joined" in chrome.find_element("css selector", ".alert").text
     opened(chrome, pages("apart"), PHONE)
     (x1, y1), (x2, y2) = (box(chrome, canvas)[:2] for canvas in (MAP, "#map-2"))
     assert x1 == x2 and y1 < y2
+
+
+def test_colours_are_explained(chrome: Any, pages: Callable[[str], Path]) -> None:
+    """By error and by residual the map looks otherwise, and a scale says what its colours are."""
+    from selenium.webdriver.support.ui import Select
+
+    opened(chrome, pages("mrclam_6"))
+    seen, scale = {picture(chrome, MAP)}, chrome.find_element("id", "scale")
+    for word, unit in (("error", "m from the truth"), ("residual", "sigma")):
+        Select(chrome.find_element("id", "colour")).select_by_value(word)
+        seen.add(picture(chrome, MAP))
+        assert unit in scale.text
+    assert len(seen) == 3
+    Select(chrome.find_element("id", "colour")).select_by_value("robot")
+    assert picture(chrome, MAP) in seen and not scale.is_displayed()
 
 
 def test_names_are_words(chrome: Any, pages: Callable[[str], Path]) -> None:

@@ -88,7 +88,8 @@ class Table:
 @dataclass(frozen=True, eq=False)
 class Page:
     """All of a page. `verdict` is the level (fits, loose, strained, misfit, unknown), `sentence` what it says;
-    `summary` names and values, a name is empty where it goes on; `thinned` says what is drawn in part."""
+    `summary` names and values, a name is empty where it goes on; `thinned` says what is drawn in part, `alerts` why the
+    map is not whole."""
 
     title: str
     verdict: str
@@ -102,3 +103,4 @@ class Page:
     tables: Sequence[Table]
     config: str
     thinned: Sequence[str] = field(default=())
+    alerts: Sequence[str] = field(default=())

@@ -70,15 +70,17 @@
   if (ways.some((w) => w.truth)) colourings.push(["error", "error"]);
   if (has.rows) colourings.push(["residual", "residual"]);
   if (colourings.length > 1) choice("colour by", "colour", colourings, "robot", (v) => { state.colour = v; });
+  const scale = el("span", "", $("layers")); scale.id = "scale";
 
   const nice = (x) => { const p = 10 ** Math.floor(Math.log10(x)); const m = x / p; return p * (m < 1.5 ? 1 : m < 3.5 ? 2 : m < 7.5 ? 5 : 10); };
   const short = (x) => Math.abs(x) >= 1e5 || (x !== 0 && Math.abs(x) < 1e-3) ? x.toExponential(1) : String(+x.toPrecision(3));
-  for (const part of [300, 60, 10]) {
-    const o = el("option", "the last " + short(nice(span / part)) + " " + unit, $("window"));
-    o.value = nice(span / part); o.selected = part === 60;
+  const last = (share) => (data.counts ? Math.max(1, nice(span / share)) : nice(span / share));
+  state.window = last(60);
+  for (const length of new Set([300, 60, 10].map(last))) {
+    const o = el("option", "the last " + short(length) + " " + unit, $("window"));
+    o.value = length; o.selected = length === state.window;
   }
   el("option", "all so far", $("window")).value = "Infinity";
-  state.window = nice(span / 60);
   $("window").addEventListener("change", () => { state.window = +$("window").value; draw(); });
 
   // --- time ---------------------------------------------------------------------------------------------------------
@@ -388,7 +390,14 @@
   // --- drawing ------------------------------------------------------------------------------------------------------
   let asked = false;
   function draw() { if (!asked) { asked = true; requestAnimationFrame(drawNow); } }
-  function drawNow() { asked = false; for (const m of maps) m.draw(); for (const c of charts) c.draw(); }
+  function drawNow() {
+    asked = false;
+    const from = { error: ["0", short(worstError) + " m from the truth, or more"], residual: ["0.3", "6 sigma left, or more"] }[state.colour];
+    $("scale").textContent = from ? from[0] + " \u2013 " + from[1] : "";
+    $("scale").style.backgroundImage = from ? "linear-gradient(to right," + [0, 0.25, 0.5, 0.75, 1].map(heat).join(",") + ")" : "none";
+    for (const m of maps) m.draw();
+    for (const c of charts) c.draw();
+  }
   const resize = () => { colours(); for (const m of [...maps, ...charts]) m.size(); drawNow(); };
   window.addEventListener("resize", resize);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", resize);

@@ -22,6 +22,7 @@ def html_of(page: Page) -> str:
         "style": _ours("page.css"),
         "level": escape(page.verdict),
         "sentence": escape(page.sentence),
+        "alerts": "".join(f'<p class="alert">{escape(alert)}</p>' for alert in page.alerts),
         "summary": list_html(page.summary),
         "thinned": "".join(f'<p class="note">{escape(line)}</p>' for line in page.thinned),
         "tables": "\n".join(map(table_html, page.tables)),

@@ -1,9 +1,10 @@
 """A run as a page: what is drawn of it, and what is told of it in words and tables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,22 @@ def page_of(record: Record, config: Config) -> Page:
         tables=list(tables_of(record, [scene.truth for scene in seen.scenes], seen.start_s)),
         config=config_text(config),
         thinned=[*seen.thinned(), *thinned_rows],
+        alerts=list(_alerts(record.report)),
     )
+
+
+def _alerts(report: Mapping[str, Any]) -> Iterator[str]:
+    """Why the map is not all of it, or not to be trusted yet."""
+    if not report["converged"]:
+        yield f"Not converged: {report['status']}"
+    if report["components"] > 1:
+        yield f"{report['components']} maps: the team could not be joined into one. {' '.join(report['reasons'])}"
+    lost = report.get("left_out", [])
+    if lost:
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        yield f"Left out: {lost[0]['what']}{more}; the reasons stand below."
+    if report.get("refused"):
+        yield f"{counted(len(report['refused']), 'submap')} refused; the reasons stand below."
 
 
 def _summary(record: Record) -> Iterator[tuple[str, str]]:
