@@ -15,6 +15,7 @@ from time import monotonic, sleep
 from teamslam.errors import SolveError
 from teamslam.model import Dataset, Submap, Table
 from teamslam.robot import Atlas, Estimate, Filter, Options, Robot, outlook
+from teamslam.robot.journal import Journal, Memory
 from teamslam.robot.rows import batches, head_of, rank_of
 
 Heard = Callable[[], Sequence[Submap]]
@@ -49,30 +50,37 @@ def paced(rows: Iterable[tuple[float, list[Table]]], speed: float | None) -> Ite
         yield tables
 
 
+def begun(log: Dataset, number: int, options: Options | None = None, memory: Memory | None = None) -> Robot:
+    """A robot of a log's channels, as its journal remembers it where there is one."""
+    robot = Robot.of(log, number, options)
+    return robot if memory is None else robot.remembering(memory.tables, memory.versions)
+
+
 def drive(
-    log: Dataset,
-    robot: int,
+    robot: Robot,
     arrivals: Iterable[Sequence[Table]],
-    options: Options | None = None,
     *,
     executor: Executor | None = None,
+    journal: Journal | None = None,
 ) -> Iterator[Moment]:
     """A robot's moments as its rows arrive, and a last one, without a pose, when all is closed: with the reasons of all
-    pieces that gave no submap.
+    pieces that gave no submap. What it takes is written into the `journal` before the moment is told.
 
-    Of `log` only the channels count: which rows there may be. Law: the submaps of all moments, the newest version of
-    each, are those of `teamslam.split` and `teamslam.build` for the rows that arrived, to the bit.
+    Law: the submaps of all moments, the newest version of each, are those of `teamslam.split` and `teamslam.build` for
+    the rows that arrived, to the bit.
     """
-    now, mapper = Robot.of(log, robot, options), Mapper(executor)
+    mapper = Mapper(executor)
     for tables in arrivals:
-        now = now.step(tables)
-        if now.due:
-            now = now.close()
-        now, finished = mapper.attend(now)
-        yield Moment(now, now.now, finished)
-    now = now.finish()
-    finished = mapper.finish(now)
-    yield Moment(now, None, finished, mapper.atlas.unbuilt)
+        robot = robot.step(tables)
+        if journal is not None:
+            journal.step(robot)
+        if robot.due:
+            robot = robot.close()
+        robot, finished = mapper.attend(robot)
+        yield Moment(robot, robot.now, finished)
+    robot = robot.finish()
+    finished = mapper.finish(robot)
+    yield Moment(robot, None, finished, mapper.atlas.unbuilt)
 
 
 class Mapper:

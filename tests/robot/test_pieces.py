@@ -86,7 +86,7 @@ def test_a_log_may_be_cut_while_it_grows(seed: int, gaps: int, rule: dict[str, f
 @pytest.mark.parametrize("world", WORLDS)
 def test_submaps_are_those_of_build_to_the_bit(world: str) -> None:
     log = team(world, robots=2, poses=60, landmarks=8)
-    moments = drive(log, 2, (tables for _, tables in in_time(log, 2)), Options(poses_per_piece=15))
+    moments = drive(Robot.of(log, 2, Options(poses_per_piece=15)), (tables for _, tables in in_time(log, 2)))
     live = [submap for moment in moments for submap in moment.submaps]
     offline = [build(piece) for piece in split(log.of_robot(2), poses_per_piece=15)]
     assert [canonical(submap) for submap in live] == [canonical(submap) for submap in offline]

@@ -41,7 +41,7 @@ def test_to_first_order_it_is_that_of_the_least_squares_of_all_rows(world: str, 
     """What is left, in sigmas, goes with the noise."""
     for noise in (1e-2, 1e-4):
         log = without_robots(team(world, robots=1, poses=45, landmarks=7, sigma=noise, sigma_odometry=noise))
-        *moments, _ = drive(log, 1, (tables for _, tables in in_time(log, 1)), Options(poses_per_piece=pieces))
+        *moments, _ = drive(Robot.of(log, 1, Options(poses_per_piece=pieces)), (t for _, t in in_time(log, 1)))
         now, best = moments[-1].now, full(log).map
         assert now is not None and now.frame == best.base and now.key == log.pose_keys[1][-1]
         root = np.linalg.inv(np.linalg.cholesky(Covariances.of_map(best).of(now.key)))
@@ -58,7 +58,7 @@ def test_with_hardly_any_noise_it_is_the_truth() -> None:
     assert np.allclose(now.pose.rotation, true.rotation, atol=1e-4)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(world=st.sampled_from(WORLDS), seed=st.integers(0, 1000), horizon=st.integers(1, 12))
 def test_the_order_within_the_horizon_changes_no_bit_of_it(world: str, seed: int, horizon: int) -> None:
     log = team(world, robots=1, poses=25, seed=seed)
@@ -81,7 +81,7 @@ def test_a_landmark_seen_long_ago_corrects_the_pose_now() -> None:
     blind = landmarks.select((ticks < 20) | (ticks == 159))
     sigmas = []
     seldom = log.with_tables([odometry, blind])
-    *moments, _ = drive(seldom, 1, (t for _, t in in_time(seldom, 1)), Options(poses_per_piece=20))
+    *moments, _ = drive(Robot.of(seldom, 1, Options(poses_per_piece=20)), (t for _, t in in_time(seldom, 1)))
     for moment in moments:
         assert moment.now is not None
         sigmas.append(float(np.sqrt(np.trace(moment.now.covariance[:2, :2]))))
@@ -94,7 +94,7 @@ def test_a_landmark_seen_long_ago_corrects_the_pose_now() -> None:
 def test_it_carries_no_more_landmarks_than_it_may_and_its_open_rows_do_not_pile_up() -> None:
     log = team("2d", robots=1, poses=120, landmarks=30)
     options = Options(poses_per_piece=10, landmarks=5)
-    for moment in drive(log, 1, (tables for _, tables in in_time(log, 1)), options):
+    for moment in drive(Robot.of(log, 1, options), (tables for _, tables in in_time(log, 1))):
         filter_ = moment.robot.trail[-1].filter
         assert filter_ is not None and len(filter_.order) <= 1 + 5 and len(moment.robot.trail) <= 4
         assert len({batch.time for batch in moment.robot.open}) <= 10 + 4
@@ -105,9 +105,8 @@ def test_where_odometry_is_missing_the_pose_is_told_in_a_frame_of_its_own() -> N
     odometry, landmarks = log.tables
     keys = log.pose_keys[1]
     cut = log.with_tables([odometry.select(odometry.keys[:, 0] != keys[14]), landmarks])
-    frames = [
-        moment.now.frame for moment in drive(cut, 1, (t for _, t in in_time(cut, 1)), ALL) if moment.now is not None
-    ]
+    moments = drive(Robot.of(cut, 1, ALL), (t for _, t in in_time(cut, 1)))
+    frames = [moment.now.frame for moment in moments if moment.now is not None]
     assert frames[:15] == [keys[0]] * 15 and set(frames[15:]) == {keys[15]}
     # When the missing row comes after all, within the horizon, nothing of it is left.
     robot = driven(cut, 1, Options(poses_per_piece=None, horizon_s=30.0), (t for _, t in in_time(cut, 1)))
@@ -125,6 +124,6 @@ def test_closing_beside_the_steps_on_a_thread_gives_the_same_submaps() -> None:
     rows = [tables for _, tables in in_time(log, 1)]
     options = Options(poses_per_piece=10)
     with ThreadPoolExecutor(1) as executor:
-        beside = [s for moment in drive(log, 1, rows, options, executor=executor) for s in moment.submaps]
-    between = [s for moment in drive(log, 1, rows, options) for s in moment.submaps]
+        beside = [s for moment in drive(Robot.of(log, 1, options), rows, executor=executor) for s in moment.submaps]
+    between = [s for moment in drive(Robot.of(log, 1, options), rows) for s in moment.submaps]
     assert sorted(map(canonical, beside)) == sorted(map(canonical, between))

@@ -21,6 +21,7 @@ def robot(
     horizon: float = 0.0,
     landmarks: Whole = 64,
     speed: float | None = None,
+    resume: bool = False,
     format: str | None = None,
 ) -> int:
     """Map while driving: a robot's log is played row by row, as if its sensors spoke now.
@@ -34,9 +35,11 @@ def robot(
     teamslam join robot-1/submaps robot-3/submaps --out map
     ```
 
-    In the folder: `poses.csv`, a line for each moment, and `submaps/`, a file for each submap.
+    In the folder: `poses.csv`, a line for each moment, `submaps/`, a file for each submap, and `journal.db`, all that
+    was heard: a robot that was killed at any moment goes on from it with --resume, and ends with the same submaps.
 
-    Exit codes: 0 done; 1 some rows came too late, or some piece gave no submap; 2 bad input or usage.
+    Exit codes: 0 done; 1 some rows came too late, some piece gave no submap, or the journal is damaged or could not be
+    written; 2 bad input or usage.
 
     Parameters
     ----------
@@ -56,6 +59,8 @@ def robot(
         How many landmarks are carried from moment to moment at most: what a moment costs.
     speed
         How many seconds of the log go by in one. By default as fast as can be.
+    resume
+        Go on in a folder where a robot was stopped or killed: what its journal holds is not asked for again.
     format
         The format of the log, where it cannot be told from its looks.
     """
@@ -63,33 +68,44 @@ def robot(
     from teamslam.errors import InputError
     from teamslam.io import read
     from teamslam.io.submaps.arrays import file_name, write_submap
-    from teamslam.live import drive, paced, replayed
+    from teamslam.live import begun, drive, paced, replayed
     from teamslam.results import refuse_to_overwrite
     from teamslam.results.poses import PoseFile
     from teamslam.results.words import counted
     from teamslam.robot import Options
+    from teamslam.robot.journal import Journal
+    from teamslam.robot.rows import head_of
 
     if speed is not None and not 0.0 < speed < float("inf"):
         raise InputError(f"a speed is above 0, found {speed}", field="speed")
-    refuse_to_overwrite(out, replace=None)
+    if not resume:
+        refuse_to_overwrite(out, replace=None)
     options = Options(poses_per_piece, heading_sigma, horizon, landmarks)
     dataset = read(log, format=format)
     number = _number_of(robot, dataset.names, [r for r in sorted(dataset.robots) if dataset.of_robot(r).tables])
     submaps = 0
-    (out / "submaps").mkdir(parents=True)
-    with PoseFile(out / "poses.csv", dataset.names, dataset.robots[number]) as poses:
-        for moment in drive(dataset, number, paced(replayed(dataset, number), speed), options):
+    (out / "submaps").mkdir(parents=True, exist_ok=resume)
+    with (
+        Journal(out / "journal.db", head_of(dataset, number)) as journal,
+        PoseFile(out / "poses.csv", dataset.names, dataset.robots[number]) as poses,
+    ):
+        memory = journal.recall()
+        start = begun(dataset, number, options, memory)
+        rest = (moment for moment in replayed(dataset, number) if moment[0] >= start.newest * dataset.names.tick_s)
+        for moment in drive(start, paced(rest, speed), journal=journal):
             poses.add(moment.now)
             for submap in moment.submaps:
                 write_submap(submap, out / "submaps" / file_name(submap))
             submaps += len(moment.submaps)
+    for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
+        complain(trouble)
     for reason in moment.unbuilt:
         complain(f"a piece gave no submap: {reason}")
     counts = moment.robot.counts
     if counts.late:
         complain(f"{counted(counts.late, 'row')} came more than {horizon:g} s behind and were left out")
     say(f"written: {out}: {counted(poses.rows, 'pose')}, {counted(submaps, 'submap')}")
-    return 1 if counts.late or moment.unbuilt else 0
+    return 1 if counts.late or moment.unbuilt or memory.damaged or journal.trouble else 0
 
 
 def _number_of(name: str | None, names: "Names", robots: Sequence[int]) -> int:

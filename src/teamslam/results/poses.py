@@ -16,15 +16,16 @@ from teamslam.robot import Estimate
 
 
 class PoseFile:
-    """A table of poses that is written while they come; `rows` counts them."""
+    """A table of poses that is written while they come, at the end of what is there already; `rows` counts them."""
 
     def __init__(self, path: Path, names: Names, dim: int) -> None:
         self.rows, self._names, self._above = 0, names, np.triu_indices(len(POSE_ERRORS[dim]))
-        self._file = path.open("w", newline="", encoding="utf-8")
+        begins = not path.exists() or not path.stat().st_size
+        self._file = path.open("a", newline="", encoding="utf-8")
         self._csv = csv.writer(self._file)
-        self._csv.writerow(
-            ("robot", "stamp_s", "frame", "frame_stamp_s", *POSE_COLUMNS[dim], *triangle(POSE_ERRORS[dim]))
-        )
+        if begins:
+            columns = (*POSE_COLUMNS[dim], *triangle(POSE_ERRORS[dim]))
+            self._csv.writerow(("robot", "stamp_s", "frame", "frame_stamp_s", *columns))
 
     def __enter__(self) -> "PoseFile":
         return self

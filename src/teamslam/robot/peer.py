@@ -146,8 +146,11 @@ class Peer:
         )
 
     def with_submaps(self, submaps: Iterable[Submap]) -> "Peer":
-        """With submaps of its own, new or in newer versions."""
-        return self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in submaps)
+        """With submaps of its own, new or in newer versions. Of a version there is one message: where that is held, it
+        stays."""
+        held = self.held.held
+        fresh = (s for s in submaps if s.id not in held or held[s.id].version < s.version)
+        return self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in fresh)
 
     def with_bodies(self, bodies: Iterable[bytes]) -> "Peer":
         """With submaps as messages. Raises InputError where one is not sound."""

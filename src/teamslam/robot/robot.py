@@ -14,7 +14,7 @@ does not wait for closing, building and joining, which take a robot as it stands
 """
 
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -90,7 +90,7 @@ class Robot:
     """All that a robot knows of its own log.
 
     `head`: its channels (`rows`); `newest`: the tick of its newest row; `open`: batches that are in no closed piece, in
-    order; `since`: the pose at which its log was cut last.
+    order; `since`: the pose at which its log was cut last; `took`: what was new in the last step.
     """
 
     number: int
@@ -102,6 +102,7 @@ class Robot:
     newest: int = ALWAYS
     counts: Counts = field(default_factory=Counts)
     trail: Trail = ()
+    took: tuple[Table, ...] = ()
 
     @classmethod
     def of(cls, log: Dataset, number: int, options: Options | None = None) -> "Robot":
@@ -126,12 +127,23 @@ class Robot:
             return None
         return Estimate(filter_.key, filter_.frame, filter_.pose, filter_.pose_covariance)
 
+    def remembering(self, tables: Iterable[Table], versions: Mapping[int, int] | None = None) -> "Robot":
+        """The robot after rows that it took once already, in any order, each once: its pieces, of which some have come
+        to `versions` by their number, and its filter along the open rows, in a frame of its own until it is renewed.
+        Law: its pieces are those of steps through the same rows."""
+        known = tuple(sorted((b for table in tables for b in batches(self.head, table)), key=rank_of))
+        newest = max((batch.time for batch in known), default=ALWAYS)
+        counts = Counts(taken=sum(len(batch.table) for batch in known))
+        robot = replace(self, open=known, newest=newest, counts=counts).close()
+        closed = tuple(replace(p, version=(versions or {}).get(p.number, 0)) for p in robot.closed)
+        return replace(robot, closed=closed, trail=along((), robot.open, robot._pace))
+
     # --- stepping -------------------------------------------------------------------------------------------------
 
     def step(self, tables: Iterable[Table]) -> "Robot":
         """The robot after some rows. Raises ModelError for rows that none of its channels brings, or that were taken
         from another robot's pose."""
-        robot = self
+        robot = replace(self, took=())
         for batch in sorted((b for table in tables for b in batches(self.head, table)), key=rank_of):
             refuse_borrowed(batch.table, self.head.names)
             robot = robot._take(batch)
@@ -151,7 +163,7 @@ class Robot:
         if not len(fresh.table):
             return robot
         rows, newest = inserted(self.open, fresh), max(self.newest, fresh.time)
-        robot = replace(robot, open=rows, newest=newest)
+        robot = replace(robot, open=rows, newest=newest, took=(*self.took, fresh.table))
         return replace(robot, trail=with_row(self.trail, rows, fresh, robot._pace))
 
     def _reopen(self, number: int, batch: Batch) -> "Robot":
@@ -161,7 +173,8 @@ class Robot:
         if not len(fresh.table):
             return robot
         newer = replace(piece, rows=inserted(piece.rows, fresh), version=piece.version + 1)
-        return replace(robot, closed=(*self.closed[:number], newer, *self.closed[number + 1 :]))
+        closed = (*self.closed[:number], newer, *self.closed[number + 1 :])
+        return replace(robot, closed=closed, took=(*self.took, fresh.table))
 
     def _counted(self, taken: int = 0, repeated: int = 0, late: int = 0) -> "Robot":
         n = self.counts

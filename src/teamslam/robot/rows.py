@@ -54,7 +54,7 @@ def head_of(log: Dataset, robot: int) -> Dataset:
 def batches(head: Dataset, table: Table) -> list[Batch]:
     """A table that arrived, by time; none where it has no rows. Raises ModelError where no channel of the robot brings
     such rows."""
-    channel = _channel(head, table)
+    channel = channel_of(head, table)
     if not len(table):
         return []
     own = robot_of(table.keys) == table.robot
@@ -124,7 +124,8 @@ def _each(table: Table) -> Array:
     return np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
 
 
-def _channel(head: Dataset, table: Table) -> int:
+def channel_of(head: Dataset, table: Table) -> int:
+    """Which channel brings a table's rows. Raises ModelError where none does."""
     for number, channel in enumerate(head.tables):
         if _brings(channel, table):
             return number
