@@ -16,11 +16,14 @@ THIN = 0.02  # of its longest half axis: how flat a region of the plane is drawn
 class Nodes:
     """The nodes of one part, by kind: ways, robots, landmarks, names, regions, truth, sightings, seen, second.
 
-    `moved` puts what moves where it is at a time, `shown` says which kinds and which robots are to be seen.
+    Robots are so much `paler`, from 0 to 1, as tells one run from another. `moved` puts what moves where it is at a
+    time, `shown` says which kinds and which robots are to be seen.
     """
 
-    def __init__(self, scene: Any, path: str, page: Page, part: Part, number: int, frame: Pose, size: float) -> None:
-        self.scene, self.path, self.page, self.part, self.size = scene, path, page, part, size
+    def __init__(
+        self, scene: Any, path: str, page: Page, part: Part, number: int, frame: Pose, size: float, *, paler: float
+    ) -> None:
+        self.scene, self.path, self.page, self.part, self.size, self.paler = scene, path, page, part, size, paler
         self.rows = [rows for rows in page.rows if rows.part == number]
         self.fixed: dict[tuple[str, int], Any] = {}
         self.kinds: set[str] = set()
@@ -148,7 +151,11 @@ class Nodes:
 
     def _colour(self, robot: int) -> tuple[int, int, int]:
         code = self.page.colours[robot % len(self.page.colours)]
-        return int(code[1:3], 16), int(code[3:5], 16), int(code[5:7], 16)
+        red, green, blue = (int(code[n : n + 2], 16) for n in (1, 3, 5))
+        return self._pale(red), self._pale(green), self._pale(blue)
+
+    def _pale(self, part: int) -> int:
+        return round(part + self.paler * (255 - part))
 
 
 def _pairs(places: Array) -> Array:

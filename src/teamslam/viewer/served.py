@@ -41,7 +41,9 @@ class Viewer:
         self.size = float(np.linalg.norm(high - low)) or 1.0
         self.nodes = [
             [
-                Nodes(self.server.scene, f"/run{n}/part{m}", run.page, part, m, frame, self.size)
+                Nodes(
+                    self.server.scene, f"/run{n}/part{m}", run.page, part, m, frame, self.size, paler=min(0.4 * n, 0.7)
+                )
                 for m, (part, frame) in enumerate(zip(run.page.parts, run.frames, strict=True))
             ]
             for n, run in enumerate(runs)
