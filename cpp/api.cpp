@@ -282,6 +282,15 @@ int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const doub
   });
 }
 
+int32_t teamslam_jacobians(teamslam_problem* problem, int64_t handle, const double* state, double* whitened) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    problem->problem.freeze();
+    problem->problem.table(handle).jacobians(state, whitened);
+    return 0;
+  });
+}
+
 int32_t teamslam_fault(teamslam_problem* problem, int64_t handle, const double* state, int64_t* row) {
   return guarded<int32_t>(-1, [&] {
     problem->problem.check_state(state);

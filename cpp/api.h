@@ -92,6 +92,10 @@ TEAMSLAM_API int32_t teamslam_cost(teamslam_problem* problem, const double* stat
 TEAMSLAM_API double teamslam_sharpest(const teamslam_problem* problem);
 TEAMSLAM_API int32_t teamslam_residuals(teamslam_problem* problem, int64_t handle, const double* state,
                                         double* whitened);
+/* -de/dx, whitened: rows x residuals of a row x 12, the unknowns of the first variable, then those of the second; zeros
+   before the call. */
+TEAMSLAM_API int32_t teamslam_jacobians(teamslam_problem* problem, int64_t handle, const double* state,
+                                        double* whitened);
 /* row: the first row of a table, or member of a submap, of which a residual, Jacobian or cost is not finite; or -1. */
 TEAMSLAM_API int32_t teamslam_fault(teamslam_problem* problem, int64_t handle, const double* state, int64_t* row);
 TEAMSLAM_API int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out);

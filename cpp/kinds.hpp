@@ -12,6 +12,7 @@ enum class Kind : int32_t { pose2 = 0, pose3 = 1, point2 = 2, point3 = 3 };
 inline constexpr int kinds = 4;
 
 constexpr int dof(Kind kind) { return kind == Kind::pose3 ? 6 : kind == Kind::point2 ? 2 : 3; }
+inline constexpr int most_dof = 6;
 constexpr int numbers(Kind kind) {  // length in the state vector
   return kind == Kind::pose3 ? 12 : kind == Kind::pose2 ? 6 : kind == Kind::point3 ? 3 : 2;
 }

@@ -86,6 +86,9 @@ struct RowLoops {
   double (*slope)(const Rows&, const double* state, double* system);
   // Returns the sum of weight * rho, and the whitened residuals (count x rows) if `whitened` is not null.
   double (*evaluate)(const Rows&, const double* state, double* whitened);
+  // Writes WJ, without loss or weights: count x rows x 2 most_dof, the columns of the first variable first, then those of
+  // the second, then nothing.
+  void (*differentiate)(const Rows&, const double* state, double* whitened);
 };
 
 // Nulls if the model does not relate such variables. `b` is ignored by models of one key.

@@ -315,6 +315,19 @@ double evaluate_rows(const Rows& table, const double* state, double* whitened) {
   return cost;
 }
 
+template <class Factor>
+void differentiate_rows(const Rows& table, const double* state, double* whitened) {
+  constexpr int rows = Factor::rows, columns = Factor::dof_a + Factor::dof_b;
+  for (int64_t row = 0; row < table.count; ++row) {
+    double e[rows], J[rows * columns], WJ[rows * columns];
+    Factor::template evaluate<true>(table.z + row * Factor::numbers, table.sensor, state + table.state_a[row],
+                                    Factor::dof_b > 0 ? state + table.state_b[row] : nullptr, e, J);
+    whiten<rows, columns>(table.whitening + row * table.whitening_stride, J, WJ);
+    for (int i = 0; i < rows; ++i)
+      for (int j = 0; j < columns; ++j) whitened[2 * most_dof * (rows * row + i) + j] = WJ[columns * i + j];
+  }
+}
+
 // Small factors have everything that they call built in, so that what is known at compile time (which Jacobians are the
 // identity or zero) is known throughout. Large ones would only outgrow the registers.
 template <class Factor>
@@ -336,9 +349,10 @@ template <class Factor>
 constexpr RowLoops loops() {
   constexpr bool small = Factor::rows * (Factor::dof_a + Factor::dof_b) <= 18;
   if constexpr (small) {
-    return {&linearise_rows_flat<Factor>, &slope_rows_flat<Factor>, &evaluate_rows_flat<Factor>};
+    return {&linearise_rows_flat<Factor>, &slope_rows_flat<Factor>, &evaluate_rows_flat<Factor>,
+            &differentiate_rows<Factor>};
   } else {
-    return {&linearise_rows<Factor>, &slope_rows<Factor>, &evaluate_rows<Factor>};
+    return {&linearise_rows<Factor>, &slope_rows<Factor>, &evaluate_rows<Factor>, &differentiate_rows<Factor>};
   }
 }
 

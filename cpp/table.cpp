@@ -263,4 +263,13 @@ void Table::residuals(const double* state, double* out) const {
   for (int64_t row = 0; row < rows_; ++row) std::copy_n(whitened.data() + row * r, r, out + order_[row] * r);
 }
 
+void Table::jacobians(const double* state, double* out) const {
+  const int64_t size = residual_size() * 2 * most_dof;
+  std::vector<double> sorted(order_.empty() ? 0 : rows_ * size);
+  double* in = order_.empty() ? out : sorted.data();
+  for (const Run& run : runs_) run.loops.differentiate(rows_of(run), state, in + run.first * size);
+  if (order_.empty()) return;
+  for (int64_t row = 0; row < rows_; ++row) std::copy_n(in + row * size, size, out + order_[row] * size);
+}
+
 }  // namespace teamslam

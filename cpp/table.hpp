@@ -35,6 +35,8 @@ class Table final : public Term {
   int residual_size() const { return residual_rows(model_, dimension_); }
   // Whitened, in the order of the input; usable once the problem is frozen.
   void residuals(const double* state, double* out) const;
+  // Their derivatives -de/dx, whitened: rows x residual_size x 2 most_dof (models.hpp), the rest of each row untouched.
+  void jacobians(const double* state, double* out) const;
 
   void weigh(std::vector<double>& work) const override;
   void arrange(const std::vector<int32_t>& chunk_of_variable, int32_t chunks) override;

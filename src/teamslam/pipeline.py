@@ -1,13 +1,14 @@
 """The whole story in one page, in the paper's order:
 
 split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
+-> what is wrong with the model of the data; where it is, once more with the data put right
 -> how exact the join is -> how well the map fits -> covariances -> score against the truth, where there is one
 """
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -37,6 +38,7 @@ from teamslam.model import Dataset, Sources, Submap, Values, a_kind
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options, each_side_by_side, meanwhile
 from teamslam.trust import Verdict, explained, sentence, verdict, with_plain_reasons
+from teamslam.trust.calibration import Calibration, calibrate
 from teamslam.wire.pieces import write_pieces
 
 T = TypeVar("T")
@@ -53,7 +55,8 @@ class Result(Answers):
 
     `map` is the first component: the one of the lowest robot. `covariances`, `costs` and `scores` have those of each;
     a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
-    is empty for full least squares. `verdict` says how well the map fits.
+    is empty for full least squares. `verdict` says how well the map fits, `calibration` what was wrong with the model
+    of the data, and was put right.
     """
 
     config: Config
@@ -65,6 +68,7 @@ class Result(Answers):
     verdict: Verdict
     scores: tuple[Report, ...]
     seconds: dict[str, float]
+    calibration: Calibration = field(default_factory=Calibration)
 
     @property
     def map(self) -> Submap:
@@ -126,13 +130,23 @@ def run(
         pieces, submaps, joined = _solved(log, config, workers, work, clock)
     except SolveError as error:
         raise explained(error, log) from None
+    at = _at(log, joined)
+    calibration = Calibration()
+    if config.calibrate:
+        clock.start("calibration")
+        calibration = calibrate(at)
+    if not calibration.nothing:
+        pieces, submaps, joined = _once_more(log, config, calibration, pieces, submaps, joined, clock)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
     with meanwhile(lambda: [known.all for known in asked]):
-        at = [AtMap(log.tables, component.map) for component in joined.components]
         if config.method == "join":
             clock.start("exactness")
+            at = at if calibration.nothing else _at(calibration.put_right(log), joined)
             joined = with_exactness(joined, pairs(pieces, submaps), at)
+        if not calibration.nothing:  # each row is judged by the deviation that it has alone
+            log = calibration.put_right(log, weigh=False)
+            at = _at(log, joined)
         clock.start("verdict on the fit")
         judged = verdict(log, joined, at)
         joined = with_plain_reasons(joined, judged)
@@ -143,7 +157,64 @@ def run(
         scores = scores_of(joined, covariances, dataset.truth)
     except SolveError as error:  # a map that has no covariances
         raise explained(error, log) from None
-    return Result(config, dataset, submaps, joined, covariances, tuple(costs), judged, scores, clock.stop())
+    return Result(
+        config, dataset, submaps, joined, covariances, tuple(costs), judged, scores, clock.stop(), calibration
+    )
+
+
+def _once_more(
+    log: Dataset,
+    config: Config,
+    calibration: Calibration,
+    pieces: Sequence[Dataset],
+    submaps: Sequence[Submap],
+    joined: Joined,
+    clock: "Clock",
+) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
+    """The map of the log put right, from the map there is."""
+    right = calibration.put_right(log)
+    clock.start("once more, put right")
+    if config.method == "full":
+        again = full(right, initial=_moved(joined, calibration), options=config.solver)
+        return [], (), replace(_carrying(again, calibration, right), left_out=joined.left_out, remarks=joined.remarks)
+    whole = pairs(pieces or _pieces(log, config), submaps)
+    clock.start("once more, put right", len(whole))
+    pieces = [calibration.put_right(piece) for piece, _ in whole]
+    both = zip(pieces, (submap for _, submap in whole), strict=True)
+    built = clock.each(
+        build_with_solution(piece, options=config.solver, near=calibration.start_of(submap))[0]
+        for piece, submap in both
+    )
+    if config.join.exact:
+        again = exact_join(
+            pieces,
+            choices=[[submap] for submap in built],
+            gap=config.join.gap,
+            max_rounds=config.join.max_rounds,
+            options=config.solver,
+        )
+        again = _carrying(again, calibration, right)
+    else:
+        carried = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
+        again, built = ORDERS[config.join.order](carried, options=config.solver), tuple(carried)
+    return pieces, built, replace(again, left_out=joined.left_out, remarks=joined.remarks)
+
+
+def _at(log: Dataset, joined: Joined) -> list[AtMap]:
+    return [AtMap(log.tables, component.map) for component in joined.components]
+
+
+def _moved(joined: Joined, calibration: Calibration) -> Joined:
+    """Maps where they go when their log is put right."""
+    starts = (calibration.start_of(c.map).only(c.map.values.layout.keys) for c in joined.components)
+    moved = (replace(c, map=replace(c.map, values=v)) for c, v in zip(joined.components, starts, strict=True))
+    return replace(joined, components=tuple(moved))
+
+
+def _carrying(joined: Joined, calibration: Calibration, log: Dataset) -> Joined:
+    """Maps with the systematic errors of their measurements among their variables."""
+    carried = (replace(c, map=calibration.carried_by_all(c.map, log.tables)) for c in joined.components)
+    return replace(joined, components=tuple(carried))
 
 
 def _log_in(given: Dataset | str | Path, config: Config) -> Dataset:
@@ -186,6 +257,8 @@ def refuse_workers(config: Config) -> None:
     """Raise InputError for options that workers cannot follow."""
     if config.method == "full" or config.join.exact:
         raise InputError("workers join submaps by a tree; full least squares and exact joins run in one process")
+    if config.calibrate:
+        raise InputError("workers take the noise as stated; leave out --calibrate (calibrate = true), or the workers")
     if config.join.order != "at once":
         raise InputError(f"workers join submaps by a tree of their own, not in the order '{config.join.order}'")
 

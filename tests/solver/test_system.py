@@ -49,6 +49,10 @@ def test_every_sensor_weighs_its_noise_in_the_coordinates_of_its_model(setting: 
         at = system.linearise(values)
         np.testing.assert_allclose(at.gradient, g, atol=1e-6 * np.abs(g).max(), err_msg=table.model)
         np.testing.assert_allclose(at.hessian.to_csr().toarray(), h, atol=1e-6 * np.abs(h).max(), err_msg=table.model)
+        rows, whole = system.jacobian(0, values), at.hessian.to_csr().toarray()
+        np.testing.assert_allclose((rows.T @ rows).toarray(), whole, atol=1e-12 * np.abs(whole).max())
+        pull = rows.T @ system.whitened(0, values).ravel()
+        np.testing.assert_allclose(pull, at.gradient, atol=1e-12 * np.abs(at.gradient).max())
 
 
 @pytest.mark.parametrize("world", WORLDS)

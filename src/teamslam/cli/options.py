@@ -16,6 +16,7 @@ def config_for(
     gap: float | None = None,
     loss: str | None = None,
     loss_scale: float | None = None,
+    calibrate: bool | None = None,
 ) -> "Config":
     """The options of a run. InputError for unknown names, and for an option that would be without effect."""
     from teamslam.config import Config, read_config
@@ -26,6 +27,8 @@ def config_for(
     if method is not None:
         rounds = config.join.exact and method == "join"
         config = replace(config, method=method, join=replace(config.join, exact=rounds))
+    if calibrate is not None:
+        config = replace(config, calibrate=calibrate)
     if exact:
         config = replace(config, join=replace(config.join, exact=True))
     if gap is not None:

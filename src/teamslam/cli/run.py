@@ -18,6 +18,7 @@ def run(
     gap: float | None = None,
     loss: str | None = None,
     loss_scale: float | None = None,
+    calibrate: bool | None = None,
     config: Path | None = None,
     format: str | None = None,
     workers: MaybeWhole = None,
@@ -59,6 +60,9 @@ def run(
         Loss of all sightings: squared, huber, cauchy or geman_mcclure. Without it, as the reader sets it.
     loss_scale
         Scale of the loss, in sigmas.
+    calibrate
+        Where the data show that their noise is not as stated (systematic errors, wrong standard deviations, errors that
+        hang together in time), put it right and map once more.
     config
         Options in TOML; those on the command line win.
     format
@@ -90,7 +94,9 @@ def run(
     from teamslam.viz.style import METHOD_NAMES
 
     refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[input])
-    options = config_for(config, method=method, exact=exact, gap=gap, loss=loss, loss_scale=loss_scale)
+    options = config_for(
+        config, method=method, exact=exact, gap=gap, loss=loss, loss_scale=loss_scale, calibrate=calibrate
+    )
     crew = workers_for(workers, cluster)
     if crew is not None:
         refuse_workers(options)

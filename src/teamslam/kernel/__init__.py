@@ -19,12 +19,13 @@ from teamslam.kernel.factor import Factor, NotPositiveDefinite, Statistics
 from teamslam.kernel.library import set_threads, threads
 from teamslam.kernel.normal_equations import normal_equations
 from teamslam.kernel.pattern import BlockPattern
-from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, Problem
+from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, MOST_DOF, Problem
 
 __all__ = [
     "CURVATURES",
     "LOSSES",
     "MODELS",
+    "MOST_DOF",
     "POSITIONS_HELP_FROM",
     "Analysis",
     "BlockPattern",

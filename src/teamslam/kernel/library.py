@@ -52,6 +52,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "cost": (I, [P, A, A]),
     "sharpest": (D, [P]),
     "residuals": (I, [P, L, A, A]),
+    "jacobians": (I, [P, L, A, A]),
     "fault": (I, [P, L, A, A]),
     "retract": (I, [P, A, A, A]),
     "analysis_new": (P, [L, A, A, A, I, A, A, I]),

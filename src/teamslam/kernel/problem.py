@@ -20,6 +20,7 @@ CURVATURES = ("none", "losses", "all")
 
 NUMBERS = np.array([6, 12, 2, 3])  # of each kind, in the state
 DOFS = np.array([3, 6, 2, 3])
+MOST_DOF = 6
 
 T = TypeVar("T")
 Blocks = Mapping[int, tuple[ArrayLike, ArrayLike, float]]
@@ -275,6 +276,15 @@ class Problem(InKernel):
         x = self._state(state)
         with self._lock:
             checked(library.residuals(self._pointer, handle, x, out))
+        return out
+
+    def jacobians(self, state: ArrayLike, handle: int) -> Floats:
+        """The derivatives -de/dx of a table's whitened residuals (m, r, 12), without loss or weights, in the order in
+        which it was given: by the unknowns of each row's first variable, then of its second, then zeros."""
+        out = np.zeros((*self._known(self._tables, handle, "table"), 2 * MOST_DOF))
+        x = self._state(state)
+        with self._lock:
+            checked(library.jacobians(self._pointer, handle, x, out))
         return out
 
     def fault(self, state: ArrayLike, handle: int) -> int | None:

@@ -2,6 +2,7 @@
 
     key = robot << 51 | index          a pose:     robot 1 .. 4095, index = time in ticks (or a plain count)
     key = number                       a landmark: 0 <= number < 2^51
+    key < WORLD                        a parameter: systematic errors of the measurements of one submap
 
 A variable is named by who it is and when, never by its place in a vector: the pose of robot j at time t that robot i
 saw and the one in j's own submap are two images of one variable, and carry one key. Ticks of a microsecond last until
@@ -54,7 +55,7 @@ def landmark_number(name: str) -> int:
 
 
 def robot_of(keys: int | AnyArray) -> IntArray:
-    """The robot number of pose keys; 0 for landmarks, -1 for WORLD."""
+    """The robot number of pose keys; 0 for landmarks, below for WORLD and parameters."""
     return np.asarray(np.asarray(keys, np.int64) >> INDEX_BITS)
 
 
@@ -71,6 +72,17 @@ def is_pose(keys: int | AnyArray) -> BoolArray:
 def is_landmark(keys: int | AnyArray) -> BoolArray:
     """True where a key names a landmark."""
     return np.asarray(robot_of(keys) == 0)
+
+
+def parameter_keys(owner: str, count: int) -> IntArray:
+    """Keys (count,) for systematic errors of the measurements of `owner`, the id of a submap: the same everywhere."""
+    digest = int.from_bytes(hashlib.blake2b(owner.encode(), digest_size=8).digest(), "little") >> 12
+    return np.asarray(WORLD - 1 - (digest << 10) - np.arange(count), np.int64)
+
+
+def is_parameter(keys: int | AnyArray) -> BoolArray:
+    """True where a key names systematic errors of measurements."""
+    return np.asarray(np.asarray(keys, np.int64) < WORLD)
 
 
 @dataclass(frozen=True)
@@ -110,6 +122,8 @@ class Names:
         """A variable in words: 'robot 3 at 12.350 s', 'landmark 17'."""
         if key == WORLD:
             return "the world frame"
+        if is_parameter(key):
+            return "a systematic error of its measurements"
         if not is_pose(key):
             return f"landmark {in_words(self.landmark(int(index_of(key))))}"
         when = f"pose {int(index_of(key))}" if self.counts else f"{int(index_of(key)) * self.tick_s:.3f} s"

@@ -29,10 +29,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose, directions
+from teamslam.geometry import Array, Pose, directions, rotations
 from teamslam.model.values import pack
 
 Target = Pose | Array
+
+
+def _add(h: Array, n: Array, dim: int) -> Array:
+    return h + n
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,7 @@ class Model:
     world (the predicted pose or position is that of the target). `native` is the kernel's name for it, if it has one.
     `parts` names the rows of a residual in the plane and in space. Of a measurement's numbers the last `given` are not
     measured but known of what is seen: `predict` then takes them (m, given) after the dimension, and returns them as
-    they are. A model of size 0 is not measured in that dimension.
+    they are. A model of size 0 is not measured in that dimension. `plus(h, n)` gives z with z (-) h = n.
     """
 
     predict: Callable[..., Array]
@@ -55,6 +59,7 @@ class Model:
     targets_pose: bool = False
     native: bool = False
     parts: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    plus: Callable[[Array, Array, int], Array] = _add
     given: int = 0
 
     @property
@@ -119,6 +124,24 @@ def _minus_range_bearing(z: Array, h: Array, dim: int) -> Array:
     return np.concatenate([z[..., :1] - h[..., :1], _minus_bearing(z[..., 1:], h[..., 1:], dim)], -1)
 
 
+def _plus_pose(h: Array, n: Array, dim: int) -> Array:
+    pose = pose_of(h, dim)
+    return pack(Pose(pose.rotation @ rotations(dim).exp(n[..., dim:]), pose.translation + n[..., :dim]))
+
+
+def _plus_bearing(h: Array, n: Array, dim: int) -> Array:
+    return np.asarray(directions(dim).plus(h, n))
+
+
+def _plus_corners(h: Array, n: Array, dim: int) -> Array:
+    rays = directions(dim).plus(h[:, :12].reshape(-1, 3), n.reshape(-1, 2))
+    return np.concatenate([rays.reshape(-1, 12), h[:, 12:]], -1)
+
+
+def _plus_range_bearing(h: Array, n: Array, dim: int) -> Array:
+    return np.concatenate([h[..., :1] + n[..., :1], _plus_bearing(h[..., 1:], n[..., 1:], dim)], -1)
+
+
 def _difference(z: Array, h: Array, dim: int) -> Array:
     return z - h
 
@@ -154,14 +177,28 @@ OF_CORNERS = ((), tuple(f"{angle}_{corner}" for corner in "1234" for angle in ("
 BOTH = (("range", "bearing"), ("range", "azimuth", "elevation"))
 
 MODELS: dict[str, Model] = {
-    "relative_pose": Model(_relative_pose, _minus_pose, (6, 12), (3, 6), targets_pose=True, native=True, parts=POSE),
+    "relative_pose": Model(
+        _relative_pose, _minus_pose, (6, 12), (3, 6), targets_pose=True, native=True, parts=POSE, plus=_plus_pose
+    ),
     "point": Model(_point, _difference, (2, 3), (2, 3), native=True, parts=PLACE),
     "range": Model(_range, _difference, (1, 1), (1, 1), native=True, parts=DISTANCE),
-    "bearing": Model(_bearing, _minus_bearing, (1, 3), (1, 2), native=True, parts=DIRECTION),
-    "range_bearing": Model(_range_bearing, _minus_range_bearing, (2, 4), (2, 3), native=True, parts=BOTH),
+    "bearing": Model(_bearing, _minus_bearing, (1, 3), (1, 2), native=True, parts=DIRECTION, plus=_plus_bearing),
+    "range_bearing": Model(
+        _range_bearing, _minus_range_bearing, (2, 4), (2, 3), native=True, parts=BOTH, plus=_plus_range_bearing
+    ),
     "position": Model(_position, _difference, (2, 3), (2, 3), unary=True, native=True, parts=PLACE),
-    "pose": Model(_pose, _minus_pose, (6, 12), (3, 6), unary=True, targets_pose=True, native=True, parts=POSE),
+    "pose": Model(
+        _pose, _minus_pose, (6, 12), (3, 6), unary=True, targets_pose=True, native=True, parts=POSE, plus=_plus_pose
+    ),
     "corners": Model(
-        _corners, _minus_corners, (0, 24), (0, 8), targets_pose=True, native=True, parts=OF_CORNERS, given=12
+        _corners,
+        _minus_corners,
+        (0, 24),
+        (0, 8),
+        targets_pose=True,
+        native=True,
+        parts=OF_CORNERS,
+        given=12,
+        plus=_plus_corners,
     ),
 }

@@ -21,6 +21,10 @@ Its fields:
                                    landmarks and stretches of time cost too much; `sensors`, the same of every sensor of
                                    every robot; `noise`, how large the residuals of each part of a measurement are
                                    beside its standard deviation (`scale`), and the share of outliers
+    calibration                    what the data showed to be wrong with their model, and what was put right before the
+                                   map was made again: `sentences`; `systematic` errors, each with `value`, `sigma` and
+                                   `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang
+                                   together in time. null where it was not asked for
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
@@ -57,6 +61,7 @@ from teamslam.metrics import Report
 from teamslam.model import Dataset, LeftOut, index_of, is_landmark
 from teamslam.pipeline import Result
 from teamslam.trust import Verdict, sentence
+from teamslam.trust.calibration import sentences
 
 UNDETERMINED = "unknown: the measurements themselves do not determine every variable where the join ended"
 ALONE = "One submap, nothing to join."
@@ -83,6 +88,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "numbers_measured": dataset.dof,
         "numbers_used": _total(parts, "numbers_used"),
         "fit": _fit(result.verdict),
+        "calibration": _calibration(result),
         "iterations": _total(parts, "iterations"),
         "seconds": sum(result.seconds.values()),
         "components": len(components),
@@ -162,6 +168,22 @@ def _fit(found: Verdict) -> dict[str, Any]:
         "carriers": [{**asdict(share), "ratio": share.ratio} for share in found.carriers],
         "sensors": [{**asdict(share), "ratio": share.ratio} for share in found.sensors],
         "noise": [{**asdict(noise), "robot": names.robot(noise.robot)} for noise in found.noise],
+    }
+
+
+def _calibration(result: Result) -> dict[str, Any] | None:
+    """What was wrong with the model of the data, in words and figures."""
+    found = result.calibration
+    if not result.config.calibrate:
+        return None
+    names = found.names
+    known = ("source", "model", "term", "unit", "value", "sigma", "prior")
+    return {
+        "sentences": sentences(found),
+        "systematic": [{"robot": names.robot(e.robot), **{k: getattr(e, k) for k in known}} for e in found.systematic],
+        "scales": [{**asdict(scale), "robot": names.robot(scale.robot)} for scale in found.scales],
+        "slips": [asdict(slip) for slip in found.slips],
+        "lasting": [asdict(lasting) for lasting in found.lasting],
     }
 
 

@@ -21,6 +21,7 @@ def outcome(report: Report) -> Rows:
         *(("left out", _lost(lost)) for lost in report.get("left_out", [])),
         *(("remark", sentence) for sentence in report.get("remarks", [])),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
+        *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
         *_fit(report["fit"]),
         *_cost(report),
         *([("exactness", exactness(report))] if report["method"] == "join" else []),

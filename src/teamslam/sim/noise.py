@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array, Pose, directions, rotations
-from teamslam.model import MODELS, pack, pose_kind, unpack
+from teamslam.geometry import Array
+from teamslam.model import MODELS
 
 
 @dataclass(frozen=True)
@@ -46,41 +46,22 @@ def plus(model: str, h: Array, n: Array, dim: int) -> Array:
     return z
 
 
-def _add(h: Array, n: Array, dim: int) -> Array:
-    return h + n
-
-
 def _add_range(h: Array, n: Array, dim: int) -> Array:
     # No instrument reports a distance below zero: very close by, the noise counts outwards.
     return np.where(h + n > 0.0, h + n, h + np.abs(n))
 
 
-def _turn(h: Array, n: Array, dim: int) -> Array:
-    pose = unpack(h, pose_kind(dim))
-    assert isinstance(pose, Pose)
-    return pack(Pose(pose.rotation @ rotations(dim).exp(n[:, dim:]), pose.translation + n[:, :dim]))
-
-
-def _turn_direction(h: Array, n: Array, dim: int) -> Array:
-    return np.asarray(directions(dim).plus(h, n))
-
-
 def _range_then_direction(h: Array, n: Array, dim: int) -> Array:
-    return np.concatenate([_add_range(h[:, :1], n[:, :1], dim), _turn_direction(h[:, 1:], n[:, 1:], dim)], -1)
-
-
-def _turn_directions(h: Array, n: Array, dim: int) -> Array:
-    rays = directions(dim).plus(h[:, :12].reshape(-1, 3), n.reshape(-1, 2))
-    return np.concatenate([rays.reshape(-1, 12), h[:, 12:]], -1)
+    return np.concatenate([_add_range(h[:, :1], n[:, :1], dim), MODELS["bearing"].plus(h[:, 1:], n[:, 1:], dim)], -1)
 
 
 NOISES: dict[str, Noise] = {
-    "relative_pose": Noise((2, 3), (1, 3), _turn),
-    "point": Noise((2, 3), (0, 0), _add),
+    "relative_pose": Noise((2, 3), (1, 3), MODELS["pose"].plus),
+    "point": Noise((2, 3), (0, 0), MODELS["point"].plus),
     "range": Noise((1, 1), (0, 0), _add_range),
-    "bearing": Noise((0, 0), (1, 2), _turn_direction),
+    "bearing": Noise((0, 0), (1, 2), MODELS["bearing"].plus),
     "range_bearing": Noise((1, 1), (1, 2), _range_then_direction),
-    "position": Noise((2, 3), (0, 0), _add),
-    "pose": Noise((2, 3), (1, 3), _turn),
-    "corners": Noise((0, 0), (0, 8), _turn_directions),
+    "position": Noise((2, 3), (0, 0), MODELS["point"].plus),
+    "pose": Noise((2, 3), (1, 3), MODELS["pose"].plus),
+    "corners": Noise((0, 0), (0, 8), MODELS["corners"].plus),
 }

@@ -161,6 +161,31 @@ class System:
             return np.asarray(self._problem.residuals(values.state, handle))
         return self.tables[table].whitened(values)
 
+    def jacobian(self, table: int, values: Values) -> sp.csr_array:
+        """W J of one table (m rows, unknowns), J = -de/dx, row by row, without loss or weights."""
+        of, known = self.tables[table], self.layout.index(self.tables[table].keys)
+        if of.row.native:
+            blocks = self._problem.jacobians(values.state, self._handles[table])
+        else:
+            blocks = np.zeros((len(of), of.row.residual_rows(of.dim), 2 * kernel.MOST_DOF))
+            for group in linearise_numerically(of, values):
+                blocks[group.rows, :, : group.jacobian.shape[-1]] = group.jacobian
+        keys, columns = self.layout.keys[known], np.full((len(of), blocks.shape[-1]), -1)
+        unknowns = np.arange(blocks.shape[-1])
+        first = np.zeros(len(of), np.int64)
+        for slot in range(keys.shape[1]):
+            dof, moves = self.layout.dofs[known[:, slot]], self.free.contains(keys[:, slot])
+            start = np.full(len(of), -1)
+            start[moves] = self.free.dof_start[self.free.index(keys[moves, slot])]
+            mine = (unknowns >= first[:, None]) & (unknowns < (first + dof)[:, None]) & moves[:, None]
+            columns = np.where(mine, (start - first)[:, None] + unknowns, columns)
+            first = first + dof
+        moved = np.broadcast_to((columns >= 0)[:, None], blocks.shape)
+        ends = np.cumsum(moved.sum(-1).ravel())
+        at = np.broadcast_to(columns[:, None], blocks.shape)[moved]
+        shape = (blocks.shape[0] * blocks.shape[1], self.free.dof)
+        return sp.csr_array((blocks[moved], at, np.concatenate([[0], ends])), shape=shape)
+
     def fault(self, table: int, values: Values) -> int | None:
         """The first row of a table of which a residual, its derivative or its cost is not finite; None where all
         are."""

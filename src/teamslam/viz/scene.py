@@ -84,7 +84,7 @@ class Scene:
 
     def extent(self, dim: int) -> float:
         """The longest side of the map [m]."""
-        keys = self.map.keys[self.map.keys != WORLD]
+        keys = self.map.keys[self.map.keys > WORLD]
         places = self.map.all_values.positions(keys, dim)
         return float(np.ptp(places, axis=0).max()) or 1.0
 

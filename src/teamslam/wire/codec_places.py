@@ -56,7 +56,7 @@ def get_known(source: Reader) -> IntArray:
     parts = [np.zeros(0, np.int64)]
     for _ in range(source.count()):
         robot, count, first = source.signed(), source.count(), source.number()
-        if not -1 <= robot < 1 << 12 or first >= 1 << 51:
+        if not -(1 << 12) <= robot < 1 << 12 or first >= 1 << 51:
             raise InputError(DAMAGED.format("a variable in it has no possible name"))
         indices = first + np.concatenate([[0], np.cumsum(source.integers(count - 1))]).astype(np.int64)
         parts.append(np.int64(robot) << np.int64(51) | indices)

@@ -8,7 +8,7 @@ import numpy as np
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array
-from teamslam.model import WORLD, Names, Submap, Values, is_pose, robot_of
+from teamslam.model import WORLD, Names, Submap, Values, is_parameter, is_pose, robot_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,12 @@ class MapEstimate:
 
     @classmethod
     def of(cls, submap: Submap, marginals: Sequence[Array]) -> "MapEstimate":
-        """The estimate of a map with the marginal covariances of its variables, in the order of its layout."""
-        if submap.base == WORLD:
-            return cls(submap.values, tuple(marginals), WORLD, submap.names)
-        values = submap.all_values
+        """The estimate of a map's poses and landmarks, with the marginal covariances of all its variables, given in the
+        order of its layout."""
+        values = submap.values if submap.base == WORLD else submap.all_values
+        values = values.select(~is_parameter(values.layout.keys))
         blocks = dict(zip(submap.values.layout.keys.tolist(), marginals, strict=True))
-        still = {submap.base: np.zeros((3 * submap.base_dim - 3,) * 2)}
+        still = {} if submap.base == WORLD else {submap.base: np.zeros((3 * submap.base_dim - 3,) * 2)}
         return cls(
             values, tuple((blocks | still)[key] for key in values.layout.keys.tolist()), submap.base, submap.names
         )

@@ -40,6 +40,7 @@ from teamslam.model import (
     Submap,
     Table,
     Values,
+    is_parameter,
     is_pose,
     pack,
 )
@@ -339,8 +340,9 @@ def _layout(content: _Content) -> Layout:
     keys, kinds = _unpacked(content.keys, "keys", "<i8", 1), _unpacked(content.kinds, "kinds", "<i8", 1)
     if ((kinds < 0) | (kinds >= len(Kind))).any():
         raise InputError(f"kinds of variables are 0 to {len(Kind) - 1}", field="kinds")
-    check_keys(keys)
-    if len(kinds) == len(keys) and (is_pose(keys) & (kinds > Kind.POSE3)).any():
+    points = kinds > Kind.POSE3 if len(kinds) == len(keys) else np.zeros(len(keys), bool)
+    check_keys(keys[~(is_parameter(keys) & points)])
+    if (is_pose(keys) & points).any():
         raise InputError("a robot's pose is stored as a point", field="kinds")
     return Layout(keys, kinds)
 

@@ -53,9 +53,10 @@ def build_with_solution(
     version: int = 0,
     options: Options = DEFAULTS,
     progress: Callable[[Step], None] | None = None,
+    near: Values | None = None,
 ) -> tuple[Submap, Solution]:
-    """`build`, and the solver's account of it."""
-    return next(_usable_optima(piece, id, version, options, progress))
+    """`build`, and the solver's account of it; from one start, if an estimate `near` the optimum is known."""
+    return next(_usable_optima(piece, id, version, options, progress, near))
 
 
 def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -89,15 +90,20 @@ Optima = Iterator[tuple[Submap, Solution]]
 
 
 def _usable_optima(
-    piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
+    piece: Dataset,
+    id: str | None,
+    version: int,
+    options: Options,
+    progress: Callable[[Step], None] | None,
+    near: Values | None = None,
 ) -> Optima:
     """As `_optima`; where the lowest is too far from its optimum to stand for it, the robot's way alone."""
-    found = _optima(piece, id, version, options, progress)
+    found = _optima(piece, id, version, options, progress, near)
     first = next(found)
     if not usable(first[1]):
         problem = SolveError(_not_converged(first[1]))
         try:
-            found = _descended(Problem.bare(piece), id, version, options, progress)
+            found = _descended(Problem.bare(piece, near), id, version, options, progress)
             first = next(found)
         except SolveError:
             raise problem from None
@@ -108,7 +114,12 @@ def _usable_optima(
 
 
 def _optima(
-    piece: Dataset, id: str | None, version: int, options: Options, progress: Callable[[Step], None] | None
+    piece: Dataset,
+    id: str | None,
+    version: int,
+    options: Options,
+    progress: Callable[[Step], None] | None,
+    near: Values | None = None,
 ) -> Optima:
     """The local optima of a piece as submaps, lowest first.
 
@@ -116,12 +127,12 @@ def _optima(
     what one piece cannot tell the team may. Raises SolveError where there is not even that.
     """
     try:
-        yield from _descended(Problem.of(piece), id, version, options, progress)
+        yield from _descended(Problem.of(piece, near=near), id, version, options, progress)
         return
     except SolveError as error:
         problem = error
     try:
-        yield from _descended(Problem.bare(piece), id, version, options, progress)
+        yield from _descended(Problem.bare(piece, near), id, version, options, progress)
     except SolveError:
         raise problem from None
 
@@ -132,7 +143,8 @@ def _descended(
     """The local optima of a problem as submaps, lowest first. Raises SolveError where there is none."""
     while True:
         try:
-            found = _distinct(problem.system, problem.guesses, options)
+            known = problem.near is not None
+            found = problem.guesses if known else _distinct(problem.system, problem.guesses, options)
             first = reach(problem.system, found[0], options, progress)
             if first.senseless:
                 first = min([first, *problem.driven(options, progress)], key=lambda solution: solution.cost)
@@ -140,12 +152,12 @@ def _descended(
             undecided = problem.undecided(first, options)
             if not len(undecided):
                 break
-            problem = Problem.of(problem.piece, np.append(problem.loose, undecided))
+            problem = problem.without(undecided)
         except SolveError as error:
             # A landmark that turns out to be open costs nobody else anything: its sightings travel raw.
             if error.key is None or not is_landmark(error.key):
                 raise
-            problem = Problem.of(problem.piece, np.append(problem.loose, error.key))
+            problem = problem.without(np.array([error.key]))
     yield problem.submap(first, id, version), first
     for start in found[1:]:
         try:

@@ -41,8 +41,8 @@ FORGIVEN = "where it saw others a loss forgives: one such sighting could be wron
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The least squares of one piece: its `system`, the rows that travel `raw`, what to start from, and landmarks that
-    were found `loose`."""
+    """The least squares of one piece: its `system`, the rows that travel `raw`, what to start from, landmarks that were
+    found `loose`, and an estimate `near` the optimum where one is known."""
 
     piece: Dataset
     base: int
@@ -50,15 +50,22 @@ class Problem:
     raw: Sequence[Table]
     guesses: Sequence[Values]
     loose: IntArray
+    near: Values | None = None
 
     @classmethod
-    def of(cls, piece: Dataset, loose: IntArray = np.zeros(0, np.int64)) -> "Problem":  # noqa: B008
-        """The problem of a piece in the frame of its first pose."""
+    def of(
+        cls,
+        piece: Dataset,
+        loose: IntArray = np.zeros(0, np.int64),  # noqa: B008
+        near: Values | None = None,
+    ) -> "Problem":
+        """The problem of a piece in the frame of its first pose; what an estimate `near` its optimum does not hold
+        travels raw."""
         robot = the_robot(piece)
         for table in piece.tables:
             refuse_borrowed(table, piece.names)
         poses = own_chain(piece, robot)
-        guesses = starts(piece, robot)
+        guesses = starts(piece, robot) if near is None else [near]
         known = guesses[0].layout
         inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
         held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
@@ -69,13 +76,17 @@ class Problem:
             )
         guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
-        return cls(piece, int(poses[0]), system, raw, guesses, loose)
+        return cls(piece, int(poses[0]), system, raw, guesses, loose, near)
+
+    def without(self, keys: IntArray) -> "Problem":
+        """The same in which sightings of some landmarks more travel raw."""
+        return Problem.of(self.piece, np.append(self.loose, keys), self.near)
 
     @classmethod
-    def bare(cls, piece: Dataset) -> "Problem":
+    def bare(cls, piece: Dataset, near: Values | None = None) -> "Problem":
         """The problem of the robot's own way, in which nothing that was seen from it takes part."""
         own = own_chain(piece, the_robot(piece))
-        return cls.of(piece, np.setdiff1d(piece.layout.keys, own))
+        return cls.of(piece, np.setdiff1d(piece.layout.keys, own), near)
 
     def driven(self, options: Options, progress: Callable[[Step], None] | None) -> list[Solution]:
         """The optimum from the way solved part by part, where it leads to one."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.join.join import Exactness
-from teamslam.model import Layout, Submap, Table, Values
+from teamslam.model import Layout, Submap, Table, Values, is_parameter
 from teamslam.solver import Factor, System
 from teamslam.solver.linear import Matrix
 
@@ -96,8 +96,10 @@ def frame_of(joined: Submap) -> IntArray:
 
 
 def point_of(joined: Submap) -> Values:
-    """Where a map is: the estimate of all its variables, its base among them unless that is the world."""
-    return joined.all_values if joined.base >= 0 else joined.values
+    """Where a map is: the estimate of all its poses and landmarks, its base among them unless that is the world."""
+    values = joined.all_values if joined.base >= 0 else joined.values
+    parameters = is_parameter(values.layout.keys)
+    return values.select(~parameters) if parameters.any() else values
 
 
 def raw_cost(raw: Sequence[Table], values: Values) -> float:

@@ -1,0 +1,7 @@
+"""Calibrated information: what is wrong with the model of the data, found in the data and put right."""
+
+from teamslam.trust.calibration.calibrate import Calibration, Lasting, Scale, Slip, calibrate
+from teamslam.trust.calibration.systematic import Systematic
+from teamslam.trust.calibration.words import sentences
+
+__all__ = ["Calibration", "Lasting", "Scale", "Slip", "Systematic", "calibrate", "sentences"]

@@ -1,0 +1,135 @@
+"""What the data show to be wrong with the model of the data, in one record, and the log put right by it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from teamslam.errors import SolveError
+from teamslam.joining import AtMap
+from teamslam.model import Dataset, Names, Submap, Table, Values
+from teamslam.trust.calibration.carried import carrying, rows_inside
+from teamslam.trust.calibration.changed import Change, put_right
+from teamslam.trust.calibration.estimate import Estimate, changes_of, estimate, systematic_of
+from teamslam.trust.calibration.persistence import Persistence
+from teamslam.trust.calibration.slips import SLIPS
+from teamslam.trust.calibration.systematic import Systematic
+
+
+@dataclass(frozen=True)
+class Scale:
+    """One part of one sensor of a robot: its errors are `scale` times as large as stated."""
+
+    robot: int
+    source: str
+    part: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Noise of all robots' odometry beyond what is stated: its root `density` (rad or m, per root second)."""
+
+    name: str
+    density: float
+
+
+@dataclass(frozen=True)
+class Lasting:
+    """How errors of one part of a kind of sighting hang together in time, and for how many of them one `counts`, in the
+    middle."""
+
+    source: str
+    part: str
+    persistence: Persistence
+    counts: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What is wrong with the model of the data, and what is to be done about it: nothing, if all are empty. `moved`:
+    where the maps go when it is put right, to first order."""
+
+    systematic: tuple[Systematic, ...] = ()
+    scales: tuple[Scale, ...] = ()
+    slips: tuple[Slip, ...] = ()
+    lasting: tuple[Lasting, ...] = ()
+    names: Names = field(default_factory=Names)
+    changes: tuple[Change, ...] = ()
+    moved: tuple[Values, ...] = ()
+
+    @property
+    def nothing(self) -> bool:
+        """Whether the data show nothing wrong."""
+        return not (self.systematic or self.scales or self.slips or self.lasting)
+
+    def put_right(self, log: Dataset, *, weigh: bool = True) -> Dataset:
+        """The log with every measurement put right, weighed by what it counts; without `weigh`, as it is alone."""
+        return log if self.nothing else log.with_tables(put_right(log.tables, self.changes, weigh=weigh))
+
+    def start_of(self, submap: Submap) -> Values:
+        """Where to start from when a submap is made again of what was put right: its variables, its base among them, as
+        the map that holds them all goes; as they are where none does."""
+        values = submap.all_values if submap.base >= 0 else submap.values
+        layout = values.layout
+        for moved in self.moved:
+            there = moved.layout.contains(layout.keys).all()
+            if there and np.array_equal(moved.layout.kinds[moved.layout.index(layout.keys)], layout.kinds):
+                return moved.seen_from(moved.pose(submap.base), layout) if submap.base >= 0 else moved.only(layout.keys)
+        return values
+
+    def carried_by(self, submap: Submap, piece: Dataset) -> Submap:
+        """The submap of a piece that was put right, with systematic errors among its variables (see `carried`)."""
+        return carrying(submap, rows_inside(submap, piece), self.systematic)
+
+    def carried_by_all(self, map: Submap, tables: Iterable[Table]) -> Submap:
+        """The same of a map of all measurements."""
+        return carrying(map, AtMap(list(tables), map).tables, self.systematic)
+
+
+def calibrate(at: Sequence[AtMap]) -> Calibration:
+    """What is wrong with the model of a log, from the log at the map of each component. Nothing where its rows do not
+    determine a map, or none is to spare."""
+    found: list[Estimate] = []
+    for part in at:
+        try:
+            found.append(estimate(part))
+        except SolveError:
+            continue
+    if all(each.nothing for each in found):
+        return Calibration()
+    systematic = [error for each in found for error in systematic_of(each)]
+    return Calibration(
+        systematic=tuple(systematic),
+        scales=tuple(scale for each in found for scale in _scales(each)),
+        slips=tuple(slip for each in found for slip in _slips(each)),
+        lasting=tuple(lasting for each in found for lasting in _lasting(each)),
+        names=at[0].joined.names,
+        changes=tuple(change for each in found for change in changes_of(each, systematic)),
+        moved=tuple(each.fit.moved() for each in found),
+    )
+
+
+def _scales(found: Estimate) -> list[Scale]:
+    return [
+        Scale(table.robot, table.source, name, float(scale))
+        for table, scales in zip(found.linear.tables, found.scales, strict=True)
+        for name, scale in zip(table.row.part_names(table.dim), scales, strict=True)
+        if scale != 1.0
+    ]
+
+
+def _slips(found: Estimate) -> list[Slip]:
+    return [Slip(name, float(np.sqrt(theta))) for name, theta in zip(SLIPS, found.theta, strict=True) if theta > 0.0]
+
+
+def _lasting(found: Estimate) -> list[Lasting]:
+    out = []
+    for (source, model), parts in found.kinds.items():
+        members = [k for k, t in enumerate(found.linear.tables) if (t.source, t.model) == (source, model)]
+        table = found.linear.tables[members[0]]
+        counts = np.median(np.concatenate([found.tempers[k] ** 2 for k in members]), 0)
+        for name, persistence, count in zip(table.row.part_names(table.dim), parts, counts, strict=True):
+            if not persistence.nothing:
+                out.append(Lasting(source, name, persistence, float(count)))
+    return out

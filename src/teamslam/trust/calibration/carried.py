@@ -1,0 +1,88 @@
+"""Systematic errors as variables of a submap: its information says what is known of them, and joining carries it.
+
+At the optimum of rows that were put right, H = J'W'WJ holds the map as if the errors p were known. With them as
+variables the information is
+
+    [ H    B ]                               B = J'W'WD,   S = D'W'WD,   units in which the prior is 1
+    [ B'  S+1]
+
+whose marginal over the map is H - B (S + 1)^-1 B'. The submap's estimate moves to its own optimum over both: one step,
+as p enters linearly.
+
+Joining knows poses and points. So p travels as points that the submap's frame carries, two or three numbers each: seen
+from its base they stand at p, wherever the map moves. Their keys are below WORLD: neither pose nor landmark.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam.geometry import Array
+from teamslam.joining.build.problem import gaussian_part
+from teamslam.model import Dataset, Submap, Table, Values, parameter_keys, point_kind, robot_of
+from teamslam.solver import Factor
+from teamslam.trust.calibration.rows import linearised
+from teamslam.trust.calibration.systematic import Systematic
+
+
+def carrying(submap: Submap, tables: Sequence[Table], known: Sequence[Systematic]) -> Submap:
+    """The submap of rows that were put right, with the systematic errors of its robots among its variables.
+
+    `tables` are the rows that its information is of. Law: its marginal over the old variables is that of least squares
+    over these and p together. Itself where none of the errors is of its rows.
+    """
+    touched = [(table, [error.on(table) for error in known]) for table in tables if len(table)]
+    mine = [j for j in range(len(known)) if any(effects[j] is not None for _, effects in touched)]
+    if not mine:
+        return submap
+    values = submap.all_values if submap.base >= 0 else submap.values
+    prior = np.array([known[j].prior for j in mine])
+    mean = np.array([known[j].value for j in mine]) / prior
+    cross, own, slope = np.zeros((submap.dof, len(mine))), np.eye(len(mine)), -mean
+    touched = [(table, effects) for table, effects in touched if any(effect is not None for effect in effects)]
+    held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
+    linear = linearised([table for table, _ in touched], values, held, submap.names)
+    for (table, effects), (error, jacobian) in zip(touched, linear, strict=True):
+        places = [n for n, j in enumerate(mine) if effects[j] is not None]
+        whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
+        weight = table.loss.weight(np.sum(np.einsum("mij,mj->mi", whitening, error) ** 2, -1))
+        information = weight[:, None, None] * np.swapaxes(whitening, 1, 2) @ whitening
+        effect = np.stack([prior[n] * effects[mine[n]] for n in places], -1)
+        weighed = (information @ effect).reshape(error.size, len(places))
+        cross[:, places] += jacobian.T @ weighed
+        own[np.ix_(places, places)] += effect.reshape(error.size, -1).T @ weighed
+        slope[places] += weighed.T @ error.ravel()
+    return _bordered(submap, cross, own, slope, mean)
+
+
+def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
+    """The rows of a piece that the information of its submap is of: those that do not travel raw."""
+    robot = int(robot_of(submap.base))
+    inside, _ = gaussian_part(piece.tables, robot, submap.trajectory_keys(robot), submap.all_values.layout)
+    return inside
+
+
+def _bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
+    """The submap with p beside its variables, at the optimum over both."""
+    dim = 2 + int((submap.values.layout.kinds % 2).max(initial=0))
+    count = -(-len(values) // dim)
+    spare = count * dim - len(values)
+    cross = np.pad(cross, ((0, 0), (0, spare)))
+    own = np.block([[own, np.zeros((len(own), spare))], [np.zeros((spare, len(own))), np.eye(spare)]])
+    slope, values = np.pad(slope, (0, spare)), np.pad(values, (0, spare))
+    factor = Factor.of(submap.values.layout, submap.information, submap.names, submap.values)
+    followed = factor.solve(cross)
+    shift = np.linalg.solve(own - cross.T @ followed, slope)
+    layout = submap.values.layout
+    moved = submap.values.retract(-(followed @ shift))
+    keys = np.sort(parameter_keys(submap.id, count))
+    points = Values.of({point_kind(dim): (keys, (values + shift).reshape(count, dim))})
+    both = moved.update(points)
+    order = np.concatenate([both.layout.unknowns(layout.keys), both.layout.unknowns(keys)])
+    whole = sp.csr_array(
+        sp.block_array([[submap.information, sp.csr_array(cross)], [sp.csr_array(cross.T), sp.csr_array(own)]])
+    )
+    back = np.argsort(order)
+    return replace(submap, values=both, information=sp.csr_array(whole[back][:, back]))

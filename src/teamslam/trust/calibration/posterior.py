@@ -1,0 +1,122 @@
+"""The map and the systematic errors together, by the noise as it is taken to be: one step of weighted least squares.
+
+    minimise  sum_i w_i |W_i (e_i - J_i d - D_i p)|^2 + |p / tau|^2
+
+The map's step d is eliminated, H = sum w J'W'WJ; what is left for p is its Schur complement S, over which `chosen` may
+choose. `Fit.left` says what is left of any errors, those measured or those drawn, all by one factor of H.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam.geometry import Array, IntArray
+from teamslam.model import Values
+from teamslam.model.losses import SQUARED
+from teamslam.solver import Factor, System
+from teamslam.trust.calibration.choice import Choice, chosen, posterior
+from teamslam.trust.calibration.rows import Column, Linear, held_at
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A linear estimator of the map and of the systematic errors of a `choice` (columns of `linear`), by `weight`,
+    w W'W of all rows. `values` of those, with their joint `covariance`, in units of their first guesses."""
+
+    linear: Linear
+    weight: sp.csr_array
+    factor: Factor
+    pulled: "Pulled"
+    choice: Choice
+    covariance: Array
+    values: Array
+
+    @classmethod
+    def of(cls, linear: Linear, roots: Sequence[Array], choice: Choice | None = None) -> "Fit":
+        """The estimator by `roots` w^1/2 W (m, r, r) of each table, with the systematic errors of a `choice`; without
+        one, every one that there may be is in, as its first guess lets it. Raises SolveError where the rows do not
+        determine the map."""
+        at, values = linear.at, linear.at.values
+        tables = [replace(t, whitening=root, loss=SQUARED) for t, root in zip(linear.tables, roots, strict=True)]
+        system = System(values.layout, tables=tables, fixed=held_at(at), names=linear.names)
+        factor = at.gap.system.factor(values)  # of one structure: analysed once
+        factor.factorise(system.linearise(values).hessian.numbers)
+        weight = _diagonal([np.swapaxes(root, 1, 2) @ root for root in roots])
+        everything = Choice(np.arange(len(linear.columns)), np.ones(len(linear.columns)))
+        return cls._by(linear, weight, factor, Pulled.of(linear, weight, factor), choice or everything)
+
+    @classmethod
+    def _by(cls, linear: Linear, weight: sp.csr_array, factor: Factor, pulled: "Pulled", choice: Choice) -> "Fit":
+        values, covariance = posterior(pulled.information, pulled.slope, choice)
+        return cls(linear, weight, factor, pulled, choice, covariance, values)
+
+    def chosen(self) -> "Fit":
+        """The same with the systematic errors that the data speak of."""
+        linear, pulled = self.linear, self.pulled
+        choice = chosen(pulled.information, pulled.slope, linear.groups, linear.relative)
+        return self._by(linear, self.weight, self.factor, pulled, choice)
+
+    @property
+    def inside(self) -> list[Column]:
+        """The systematic errors that are in."""
+        return [self.linear.columns[place] for place in self.choice.inside]
+
+    def moved(self) -> Values:
+        """Where the map goes when systematic errors are taken out."""
+        linear = self.linear
+        right = linear.errors - linear.effects[:, self.choice.inside] @ self.values
+        step = self.factor.solve(linear.across @ (self.weight @ right))
+        return linear.at.gap.system.retract(linear.at.values, step)
+
+    def left(self, errors: Array) -> Array:
+        """What is left of errors (N, draws) of all rows when map and systematic errors have followed them."""
+        pull = self.weight @ errors
+        gradient = self.linear.across @ pull
+        step, rest = self.factor.solve(gradient), errors
+        if len(self.values):
+            effects, followed = self.linear.effects[:, self.choice.inside], self.pulled.followed[:, self.choice.inside]
+            values = self.covariance @ (effects.T @ pull - followed.T @ gradient)
+            step = step - followed @ values
+            rest = rest - effects @ values
+        return np.asarray(rest - self.linear.jacobian @ step)
+
+
+@dataclass(frozen=True, eq=False)
+class Pulled:
+    """What the rows say of all systematic errors that there may be when the map is eliminated: their `information` S
+    and `slope` g, and how the map has `followed` each of them (unknowns, k)."""
+
+    information: Array
+    slope: Array
+    followed: Array
+
+    @classmethod
+    def of(cls, linear: Linear, weight: sp.csr_array, factor: Factor) -> "Pulled":
+        """By the weights w W'W of all rows, and the factor of H."""
+        if not linear.columns:
+            return cls(np.zeros((0, 0)), np.zeros(0), np.zeros((linear.jacobian.shape[1], 0)))
+        weighed = weight @ linear.effects
+        cross = (linear.across @ weighed).toarray()
+        followed = factor.solve(cross)
+        information = (linear.effects.T @ weighed).toarray() - cross.T @ followed
+        pull = weight @ linear.errors
+        slope = linear.effects.T @ pull - followed.T @ (linear.across @ pull)
+        return cls(0.5 * (information + information.T), slope, followed)
+
+
+def _diagonal(blocks: Sequence[Array]) -> sp.csr_array:
+    """A matrix of blocks (m, r, r) along its diagonal."""
+    data, columns, counts, start = [], [], [], 0
+    for each in blocks:
+        m, r = each.shape[:2]
+        places: IntArray = start + np.arange(m * r).reshape(m, 1, r)
+        data.append(each.ravel())
+        columns.append(np.broadcast_to(places, each.shape).ravel())
+        counts.append(np.full(m * r, r))
+        start += m * r
+    return sp.csr_array(
+        (np.concatenate(data), np.concatenate(columns), np.concatenate([[0], np.cumsum(np.concatenate(counts))])),
+        shape=(start, start),
+    )

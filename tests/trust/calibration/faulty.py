@@ -1,0 +1,74 @@
+"""Simulated teams, and what can be wrong with the model of their data."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from teamslam.geometry import Array
+from teamslam.model import Dataset, Table
+from teamslam.sim.scenario import Options, Robot, simulate_options
+from teamslam.sim.sense import Sensor
+from teamslam.trust.calibration.persistence import targets_of
+
+Change = Callable[[Table, Array, Array], Table]
+SCALE, OFFSET_M = 0.03, 0.05
+
+
+def team(seed: int, model: str = "range_bearing", space: str = "2d", poses: int = 120) -> Dataset:
+    """Three robots among twenty landmarks that see each other now and then; their model is right."""
+    kind = Robot(landmarks=Sensor(model), robots=Sensor(model, every=3))
+    return simulate_options(Options(space=space, robots=3, poses=poses, landmarks=20, team=(kind,)), seed)
+
+
+def planted(team: Dataset, change: Change) -> Dataset:
+    """The team with tables changed, each given its prediction and its error at the truth."""
+    assert team.truth is not None
+    return team.with_tables(change(t, t.predict(team.truth), t.residual(team.truth)) for t in team.tables)
+
+
+def offset(team: Dataset, rng: np.random.Generator) -> tuple[Dataset, dict[int, float]]:
+    """Ranges longer by a length of each robot's own."""
+    lengths = {robot: float(rng.normal(0.0, OFFSET_M)) for robot in team.robots}
+
+    def change(table: Table, h: Array, e: Array) -> Table:
+        if table.source == "odometry":
+            return table
+        return replace(table, values=table.row.plus(h, e + np.array([lengths[table.robot], 0.0]), table.dim))
+
+    return planted(team, change), lengths
+
+
+def long_steps(team: Dataset) -> Dataset:
+    """Odometry whose steps are too long."""
+
+    def change(table: Table, h: Array, e: Array) -> Table:
+        if table.source != "odometry":
+            return table
+        longer = np.concatenate([SCALE * h[:, : table.dim], np.zeros((len(h), e.shape[1] - table.dim))], -1)
+        return replace(table, values=table.row.plus(h, e + longer, table.dim))
+
+    return planted(team, change)
+
+
+def misstated(team: Dataset, times: float) -> Dataset:
+    """Sightings whose standard deviations are stated so many times as large as they are."""
+    return planted(team, lambda t, h, e: t if t.source == "odometry" else replace(t, whitening=t.whitening / times))
+
+
+def persistent(team: Dataset, correlation: float) -> Dataset:
+    """Sightings whose errors hang together from one second to the next, target by target."""
+
+    def change(table: Table, h: Array, e: Array) -> Table:
+        if table.source == "odometry":
+            return table
+        targets, stamps = targets_of(table), team.names.stamps_s(table.keys[:, 0])
+        order, errors = np.lexsort((stamps, targets)), e.copy()
+        for before, after in pairwise(order):
+            if targets[before] == targets[after]:
+                kept = correlation ** (stamps[after] - stamps[before])
+                errors[after] = kept * errors[before] + np.sqrt(1.0 - kept**2) * e[after]
+        return replace(table, values=table.row.plus(h, errors, table.dim))
+
+    return planted(team, change)

@@ -1,0 +1,70 @@
+"""Whole teams: a right model is left alone, and what is planted is found, put right, and leaves honest covariances."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from teamslam.config import Config
+from teamslam.model import Dataset
+from teamslam.pipeline import Result, run
+from trust.calibration.faulty import SCALE, long_steps, misstated, offset, persistent, team
+
+TEAMS = range(3)
+BAND = (0.85, 1.2)  # of NEES/dof of some 800 numbers, three teams' mean: 1 +- 0.03 by chance
+
+
+def _nees(results: list[Result]) -> float:
+    return float(np.mean([r.scores[0].nees_per_dof or np.nan for r in results]))
+
+
+def _nees_of_poses(results: list[Result]) -> float:
+    consistencies = [r.scores[0].consistency for r in results]
+    return float(np.mean([c.of_poses.per_dof for c in consistencies if c is not None and c.of_poses is not None]))
+
+
+@pytest.mark.parametrize(("model", "space"), [("range_bearing", "2d"), ("point", "planar"), ("point", "3d")])
+def test_a_right_model_is_left_alone(model: str, space: str) -> None:
+    results = [run(team(50 + seed, model, space, poses=60), Config(method="full", calibrate=True)) for seed in range(5)]
+    assert sum(not r.calibration.nothing for r in results) <= 1
+    assert not any(r.calibration.systematic or r.calibration.lasting for r in results)
+
+
+@pytest.mark.parametrize("method", ["full", "join"])
+def test_an_offset_of_every_robots_ranges_is_found(method: str) -> None:
+    results, off = [], []
+    for seed in TEAMS:
+        log, lengths = offset(team(seed), np.random.default_rng(seed))
+        results.append(run(log, Config(method=method, calibrate=True)))
+        found = {
+            e.robot: e
+            for e in results[-1].calibration.systematic
+            if (e.source, e.term) == ("landmarks", "range offset")
+        }
+        off += [(e.value - lengths[robot]) / e.sigma for robot, e in found.items()]
+    assert BAND[0] < _nees(results) < BAND[1]
+    assert len(off) >= 6 and np.sqrt(np.mean(np.square(off))) < 2.0
+
+
+def test_odometry_that_is_too_long_is_found() -> None:
+    results = [run(long_steps(team(seed)), Config(method="full", calibrate=True)) for seed in TEAMS]
+    errors = [e for r in results for e in r.calibration.systematic]
+    assert {(e.source, e.term) for e in errors} == {("odometry", "scale")}
+    assert np.sqrt(np.mean([((e.value - SCALE) / e.sigma) ** 2 for e in errors])) < 2.0
+    assert BAND[0] < _nees(results) < BAND[1]
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        pytest.param(lambda log: misstated(log, 3.0), id="sigmas three times too large"),
+        pytest.param(lambda log: misstated(log, 1.0 / 3.0), id="sigmas three times too small"),
+        pytest.param(lambda log: persistent(log, 0.9), id="errors that last"),
+    ],
+)
+def test_covariances_are_honest_again(plant: Callable[[Dataset], Dataset]) -> None:
+    logs = [plant(team(seed)) for seed in TEAMS]
+    before = [run(log, Config(method="full")) for log in logs]
+    after = [run(log, Config(method="full", calibrate=True)) for log in logs]
+    assert BAND[0] < _nees(after) < BAND[1]
+    assert abs(np.log(_nees_of_poses(after))) < 0.5 * abs(np.log(_nees_of_poses(before)))

@@ -1,0 +1,118 @@
+"""Laws of the parts of a calibration: what is chosen by chance, how errors hang together, what a submap carries."""
+
+import numpy as np
+import pytest
+
+from teamslam.geometry import Array
+from teamslam.joining import AtMap, build, full, split
+from teamslam.model import Names, Table, is_parameter, landmark_key, pose_key
+from teamslam.trust.calibration.calibrate import calibrate
+from teamslam.trust.calibration.carried import rows_inside
+from teamslam.trust.calibration.choice import chosen
+from teamslam.trust.calibration.persistence import DRAWS, Curve, Pairs, Persistence, tempering
+from teamslam.trust.calibration.rows import linearised
+from trust.calibration.faulty import offset, team
+
+
+def test_what_chance_makes_is_chosen_no_more_often_than_stated() -> None:
+    rng, groups = np.random.default_rng(0), np.repeat(np.arange(8), 4)
+    relative, found, teams = groups == 2, 0, 1000
+    for _ in range(teams):
+        root = rng.standard_normal((32, 40)) * np.exp(rng.normal(0.0, 1.5, (32, 1)))
+        information = root @ root.T
+        gradient = root @ rng.standard_normal(40)  # covariance S: what there is if all errors are zero
+        found += len(chosen(information, gradient, groups, relative).inside) > 0
+    assert found <= 0.01 * teams + 3.0 * np.sqrt(0.01 * teams)
+
+
+@pytest.mark.parametrize("kind", [0, 2])
+def test_what_is_there_is_chosen_and_only_that(kind: int) -> None:
+    rng, groups = np.random.default_rng(1), np.repeat(np.arange(4), 5)
+    root = rng.standard_normal((20, 60)) * 20.0
+    information, errors = root @ root.T, np.zeros(20)
+    errors[groups == kind] = rng.normal(0.0, 0.3, 5)
+    choice = chosen(information, information @ errors + root @ rng.standard_normal(60), groups, groups == 9)
+    assert set(groups[choice.inside]) == {kind}
+
+
+def _looks(count: int, targets: int = 4) -> Table:
+    keys = np.stack([pose_key(1, np.arange(count) * 1_000_000), landmark_key(np.arange(count) % targets)], -1)
+    values = np.zeros((count, 2))
+    return Table(1, "landmarks", "range_bearing", 2, keys, values, np.eye(2)[None], np.arange(count))
+
+
+def _lasting(table: Table, curve: Curve, rng: np.random.Generator) -> Array:
+    """Errors (m,) of size one of which those of one target hang together as the curve says."""
+    times = Names().stamps_s(table.keys[:, 0])
+    alike = table.keys[:, 1][:, None] == table.keys[:, 1]
+    covariance = np.where(alike, curve(np.abs(times[:, None] - times)), 0.0)
+    np.fill_diagonal(covariance, 1.0)
+    return np.asarray(np.linalg.cholesky(covariance) @ rng.standard_normal(len(table)))
+
+
+def _beside_white(errors: Array, rng: np.random.Generator) -> Array:
+    return np.concatenate([errors[:, None], rng.standard_normal((len(errors), DRAWS))], 1)
+
+
+@pytest.mark.parametrize("curve", [Curve(0.6, 10.0, 0.0), Curve(0.0, 1.0, 0.4)])
+def test_errors_that_hang_together_are_found_so(curve: Curve) -> None:
+    table, rng, apart = _looks(400), np.random.default_rng(2), np.array([2.0, 5.0, 20.0])
+    pairs, found = Pairs.of([table], Names()), []
+    for _ in range(60):
+        persistence = pairs.persistence(_beside_white(_lasting(table, curve, rng), rng))
+        found.append([persistence.same(apart), persistence.across(apart)])
+    same, across = np.mean(found, 0)
+    assert np.allclose(same, curve(apart), atol=0.08)
+    assert np.allclose(across, 0.0, atol=0.06)  # four targets: what stays of each hangs together by chance
+
+
+def test_white_errors_are_not_said_to_hang_together() -> None:
+    table, rng = _looks(300), np.random.default_rng(3)
+    pairs = Pairs.of([table], Names())
+    errors = [_beside_white(rng.standard_normal(len(table)), rng) for _ in range(400)]
+    assert sum(not pairs.persistence(each).nothing for each in errors) <= 6  # two in a thousand, for two curves
+
+
+def test_tempered_rows_know_their_mean_as_well_as_correlated_ones() -> None:
+    table, curve = _looks(200, targets=1), Curve(0.5, 8.0, 0.05)
+    (temper,) = tempering([table], Names(), (Persistence(same=curve), Persistence()))
+    t = np.arange(200.0)
+    covariance = curve(np.abs(t[:, None] - t)) + (1.0 - curve(np.zeros(1))) * np.eye(200)
+    weights = temper[:, 0] ** -2 / np.sum(temper[:, 0] ** -2)
+    assert np.sum(temper[:, 0] ** -2) ** -1 == pytest.approx(weights @ covariance @ weights, rel=0.1)
+    assert (temper[:, 1] == 1.0).all()
+
+
+def test_a_submap_that_carries_systematic_errors_knows_what_least_squares_over_both_knows() -> None:
+    log, _ = offset(team(4, poses=40), np.random.default_rng(4))
+    whole = full(log).components[0].map
+    found = calibrate([AtMap(log.tables, whole)])
+    assert found.systematic
+    piece = split(found.put_right(log))[0]
+    bare = build(piece)
+    carrying = found.carried_by(bare, piece)
+    extra = is_parameter(carrying.values.layout.keys)
+    assert extra.any() and not is_parameter(bare.values.layout.keys).any()
+    # All of it again, dense: rows, errors and priors in one least squares problem.
+    jacobians, effects, residuals = [], [], []
+    mine = [e for e in found.systematic if any(e.on(t) is not None for t in rows_inside(bare, piece))]
+    inside = rows_inside(bare, piece)
+    linear = linearised(inside, bare.all_values, np.array([bare.base]), bare.names)
+    for table, (error, jacobian) in zip(inside, linear, strict=True):
+        white = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
+        jacobians.append(
+            np.einsum("mij,mjn->min", white, jacobian.toarray().reshape(*error.shape, -1)).reshape(error.size, -1)
+        )
+        each = [np.zeros_like(error) if (on := e.on(table)) is None else e.prior * on for e in mine]
+        effects.append(np.stack([np.einsum("mij,mj->mi", white, e).ravel() for e in each], -1))
+        residuals.append(np.einsum("mij,mj->mi", white, error).ravel())
+    J, D, r = np.concatenate(jacobians), np.concatenate(effects), np.concatenate(residuals)
+    prior = np.array([e.value / e.prior for e in mine])
+    both = np.block([[J, D], [np.zeros((len(mine), J.shape[1])), np.eye(len(mine))]])
+    expected = np.linalg.inv(both.T @ both)[: bare.dof, : bare.dof]
+    shift = np.linalg.lstsq(both, np.concatenate([r, -prior]), rcond=None)[0][: bare.dof]
+    at = carrying.values.layout.unknowns(bare.values.layout.keys)
+    covariance = np.linalg.inv(carrying.information.toarray())[np.ix_(at, at)]
+    assert np.allclose(covariance, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+    moved = carrying.values.only(bare.values.layout.keys).minus(bare.values)
+    assert np.allclose(moved, shift, atol=1e-6 * max(np.abs(shift).max(), 1e-3))
