@@ -16,6 +16,7 @@ from teamslam.cli.demo import demo
 from teamslam.cli.exchange import exchange
 from teamslam.cli.info import info
 from teamslam.cli.join import join
+from teamslam.cli.keys import keys
 from teamslam.cli.paper import paper
 from teamslam.cli.plot import plot
 from teamslam.cli.robot import robot
@@ -48,8 +49,9 @@ Shell completion: `teamslam --install-completion`.
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
 app.register_install_completion_command(help="Install completion of commands and options for this shell.")
-COMMANDS = (demo, run, simulate, convert, info, score, plot, view, paper, split, build, join, exchange, robot, team)
-for command in COMMANDS:
+STORY = (demo, run, simulate, convert, info, score, plot, view, paper)
+PARTS = (split, build, join, exchange, robot, team, keys)
+for command in (*STORY, *PARTS):
     app.command(spoken(command))
 
 

@@ -1,0 +1,137 @@
+"""Links over real sockets: what a team says arrives; who is not of it is neither heard nor told anything."""
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from teamslam.errors import InputError
+from teamslam.joining import build, split
+from teamslam.robot.link.keys import make_certificates
+from teamslam.robot.link.zenoh import Address, ZenohLink
+from teamslam.robot.peer import Habits, Peer
+from worlds import team
+
+pytest.importorskip("zenoh")
+
+
+def free_place() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def linked(*addresses: Address) -> Iterator[list[ZenohLink]]:
+    links = [ZenohLink(address) for address in addresses]
+    try:
+        yield links
+    finally:
+        for link in links:
+            link.close()
+
+
+def heard_within(link: ZenohLink, seconds: float, enough: int = 1) -> list[tuple[int, bytes]]:
+    found: list[tuple[int, bytes]] = []
+    until = time.monotonic() + seconds
+    while time.monotonic() < until and len(found) < enough:
+        found += link.receive()
+        time.sleep(0.02)
+    return found
+
+
+def greet(speaker: ZenohLink, to: int, hearer: ZenohLink, seconds: float) -> list[tuple[int, bytes]]:
+    """What the hearer hears while the speaker says the same again and again."""
+    until, found = time.monotonic() + seconds, list[tuple[int, bytes]]()
+    while time.monotonic() < until and not found:
+        speaker.send(to, b"here I am")
+        found = heard_within(hearer, 0.2)
+    return found
+
+
+@pytest.mark.parametrize("secret", [False, True])
+def test_packets_arrive(tmp_path: Path, secret: bool) -> None:
+    place = free_place()
+    if secret:
+        make_certificates(tmp_path, [1, 2])
+    folder = tmp_path if secret else None
+    one = Address("blue", 1, place, (), folder, (1, 2))
+    two = Address("blue", 2, free_place(), (place,), folder, (1, 2))
+    with linked(one, two) as (a, b):
+        assert greet(a, 0, b, 15.0)[:1] == [(1, b"here I am")]
+        assert greet(b, 1, a, 15.0)[:1] == [(2, b"here I am")]
+        large = bytes(range(256)) * 4000
+        heard_within(b, 0.5, 100)
+        a.send(2, large)
+        assert heard_within(b, 15.0) == [(1, large)]
+
+
+def test_who_is_not_of_the_team_is_not_heard(tmp_path: Path) -> None:
+    place = free_place()
+    make_certificates(tmp_path / "blue", [1, 2, 3])
+    make_certificates(tmp_path / "red", [2])
+    one = Address("blue", 1, place, (), tmp_path / "blue", (1, 2))
+    friend = Address("blue", 2, free_place(), (place,), tmp_path / "blue", (1, 2))
+    strangers = {
+        "no certificate": Address("blue", 2, free_place(), (place,)),
+        "of another authority": Address("blue", 2, free_place(), (place,), tmp_path / "red", (1, 2)),
+        "revoked": Address("blue", 3, free_place(), (place,), tmp_path / "blue", (1, 2, 3)),
+    }
+    with linked(one) as (a,):
+        for what, address in strangers.items():
+            with linked(address) as (stranger,):
+                assert greet(stranger, 1, a, 2.0) == [], what
+                a.send(0, b"for the team")
+                assert heard_within(stranger, 0.5) == [], what
+        with linked(friend) as (b,):
+            assert greet(b, 1, a, 15.0)[:1] == [(2, b"here I am")]
+
+
+def test_nobody_speaks_for_another(tmp_path: Path) -> None:
+    place = free_place()
+    make_certificates(tmp_path, [1, 2, 3])
+    one = Address("blue", 1, place, (), tmp_path, (1, 2, 3))
+    two = Address("blue", 2, free_place(), (place,), tmp_path, (1, 2, 3))
+    with linked(one, two) as (a, b):
+        assert greet(b, 1, a, 15.0)
+        heard_within(a, 0.5, 100)
+        for _ in range(10):
+            b._session.put("teamslam/blue/1/3", b"I am robot 3")
+        b.send(1, b"I am robot 2")
+        assert heard_within(a, 3.0, 2) == [(2, b"I am robot 2")]
+
+
+def test_a_team_exchanges_over_sockets(tmp_path: Path) -> None:
+    log = team("2d", robots=2, poses=16, landmarks=6)
+    submaps = {robot: [build(p) for p in split(log.of_robot(robot), poses_per_piece=9)] for robot in (1, 2)}
+    make_certificates(tmp_path, [1, 2])
+    place = free_place()
+    peers = {robot: Peer(robot, Habits(0.2, 0.5)).with_submaps(submaps[robot]) for robot in (1, 2)}
+    one = Address("blue", 1, place, (), tmp_path, (1, 2))
+    with linked(one, Address("blue", 2, free_place(), (place,), tmp_path, (1, 2))) as links:
+        until = time.monotonic() + 30.0
+        while time.monotonic() < until and len({peer.root for peer in peers.values()}) > 1:
+            for robot, link in zip((1, 2), links, strict=True):
+                peers[robot], out = peers[robot].step(time.monotonic(), link.receive())
+                for packet in out:
+                    link.send(packet.to, packet.data)
+            time.sleep(0.02)
+    assert peers[1].held == peers[2].held and len(peers[1].held.submaps) == 4
+
+
+def test_what_cannot_be_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="letters, digits"):
+        Address("blue/red", 1, "127.0.0.1:1")
+    with pytest.raises(InputError, match="which robots are members"):
+        Address("blue", 1, "127.0.0.1:1", certificates=tmp_path)
+    with pytest.raises(InputError, match=r"no such file"):
+        ZenohLink(Address("blue", 1, free_place(), certificates=tmp_path, members=(1,)))
+    make_certificates(tmp_path, [1])
+    with pytest.raises(InputError, match="has a certificate already"):
+        make_certificates(tmp_path, [1])
+    assert (tmp_path / "robot-1.key").stat().st_mode & 0o077 == 0
+    with pytest.raises(InputError, match="cannot be opened"):
+        ZenohLink(Address("blue", 1, "no.such.host.invalid:1"))
