@@ -8,6 +8,9 @@ def score(map: Path, truth: Path, /) -> int:
 
     ```
     teamslam score first-map MRCLAM_Dataset6     # against the truth in a log
+    teamslam score first-map truth               # against TUM files, one a robot, called as the robots are
+    teamslam score first-map truth_robots.csv    # against a CSV: robot, stamp and pose, or landmark and place
+    teamslam score estimate.tum truth.tum        # of what another program found
     teamslam score joined full                   # against another run: how far apart two maps are
     ```
 
@@ -16,14 +19,15 @@ def score(map: Path, truth: Path, /) -> int:
     Parameters
     ----------
     map
-        A run folder, or a file or folder of submaps such as its maps.
+        A run folder, or a file or folder of submaps such as its maps; or a file of an estimate alone (TUM, CSV, JRR).
     truth
-        A log that holds the truth, or another run folder.
+        A log that holds the truth; TUM files or a CSV file of true poses or places; or another run folder.
     """
     from dataclasses import replace
 
     from teamslam.cli.console import answer, say
     from teamslam.cli.sources import maps_in, truth_in
+    from teamslam.metrics import errors_of
     from teamslam.metrics import score as score_map
     from teamslam.solver import Covariances
 
@@ -32,7 +36,10 @@ def score(map: Path, truth: Path, /) -> int:
         say(f"{truth} holds no truth but another map: these are differences, not errors")
     reports = []
     for number, submap in enumerate(maps, start=1):
-        found = score_map(submap, known.of(submap), covariances=Covariances.of_map(submap))
+        if submap.information.nnz:
+            found = score_map(submap, known.of(submap), covariances=Covariances.of_map(submap))
+        else:
+            found = errors_of(submap, known.of(submap))
         if known.is_map:  # made of the same measurements, perhaps: its covariances say nothing about the difference
             found = replace(found, consistency=None)
         reports.append(found.to_dict())

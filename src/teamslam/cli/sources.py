@@ -10,36 +10,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a map is compared with: the truth in a log, or the maps of another run (`is_map`), each with its names."""
+    """What a map is compared with, each part with its names: the truth in a log, one `sampled` at stamps of its own, or
+    the maps of another run (`is_map`)."""
 
     parts: "tuple[tuple[Values, Names], ...]"
     is_map: bool
+    sampled: bool = False
 
     def of(self, map: "Submap") -> "Values":
         """The part that knows most of a map, under the map's own keys. InputError where times cannot be compared."""
-        from teamslam.metrics import as_called
+        from teamslam.metrics import as_called, at_stamps_of
 
+        if self.sampled:
+            return max((at_stamps_of(map, values, names) for values, names in self.parts), key=len)
         return max((as_called(values, names, map) for values, names in self.parts), key=len)
 
 
 def maps_in(path: Path) -> "tuple[Submap, ...]":
-    """The maps in a run folder or in a file of maps."""
-    from teamslam.io import read_submaps
+    """The maps in a run folder, in a file of submaps, or in a file that holds estimates alone, whose information is
+    zero then."""
+    from teamslam.io import formats_of, read_maps, read_submaps
     from teamslam.results import is_run, read_run
 
-    return read_run(path).maps if is_run(path) else tuple(read_submaps(path))
+    if is_run(path):
+        return read_run(path).maps
+    if [kind for kind, _ in formats_of(path)] == ["map"]:
+        return tuple(found.as_submap(path.stem) for found in read_maps(path))
+    return tuple(read_submaps(path))
 
 
 def truth_in(path: Path) -> Truth:
-    """The truth in a log, or the maps of another run or in a file of maps. InputError where there is none."""
+    """The truth in a log or in a file of true poses or places (TUM, CSV), or the maps of another run or in a file of
+    maps. InputError where there is none."""
     from teamslam.errors import InputError
     from teamslam.io import formats_of, read, read_maps
     from teamslam.results import is_run, read_run
 
     if path.is_dir() and is_run(path):
         return Truth(tuple((map.all_values, map.names) for map in read_run(path).maps), is_map=True)
-    if [kind for kind, _ in formats_of(path)] == ["map"]:
-        return Truth(tuple((map.values, map.names) for map in read_maps(path)), is_map=True)
+    if {kind for kind, _ in formats_of(path)} == {"map"}:
+        true = formats_of(path)[0][1] in ("tum", "truth")
+        return Truth(tuple((map.values, map.names) for map in read_maps(path)), is_map=not true, sampled=true)
     log = read(path)
     if log.truth is None:
         raise InputError("this log holds no truth; there is nothing to score against", path=path)

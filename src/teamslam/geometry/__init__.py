@@ -2,10 +2,12 @@
 
 from teamslam.geometry.align import Fit, align
 from teamslam.geometry.arrays import AnyArray, Array, BoolArray, IntArray, seal
+from teamslam.geometry.earth import Anchor
 from teamslam.geometry.pose import Pose, concatenate, directions, lift_points, lift_tangent, rotations
 from teamslam.geometry.s2 import direction_basis
 
 __all__ = [
+    "Anchor",
     "AnyArray",
     "Array",
     "BoolArray",

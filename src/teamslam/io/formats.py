@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from teamslam.errors import InputError
+from teamslam.geometry import Anchor
 from teamslam.io.looks import described
 from teamslam.io.maps.estimate import MapEstimate
 from teamslam.model import Dataset, Dropped, Submap
@@ -27,6 +28,7 @@ class Format:
     suffixes: tuple[str, ...] = ()
     writes: bool = True
     reads: bool = True
+    anchored: bool = False  # takes places on the Earth: an anchor says where the map is
 
     def function(self, name: str) -> Any:
         """A function of the format's module, imported now."""
@@ -62,11 +64,23 @@ MAP_FORMATS: dict[str, Format] = {
         "teamslam.io.maps.star", "g2o graph: vertices, and an edge from the frame to each", (".g2o",), reads=False
     ),
     "jrr": Format("teamslam.io.maps.jrr", "GTSAM's values as JSON robot results", (".jrr",)),
-    "tum": Format("teamslam.io.maps.tum", "TUM trajectories, a file a robot", (".tum",), reads=False),
+    "tum": Format("teamslam.io.maps.tum", "TUM trajectories, a file a robot", (".tum",)),
+    "geojson": Format(
+        "teamslam.io.maps.geojson", "GeoJSON, with an anchor on the Earth", (".geojson",), reads=False, anchored=True
+    ),
+    "kml": Format("teamslam.io.maps.kml", "KML, with an anchor on the Earth", (".kml",), reads=False, anchored=True),
+    "ply": Format("teamslam.io.maps.ply", "PLY: points, ways, and ellipsoids as meshes", (".ply",), reads=False),
+    "yaml": Format("teamslam.io.maps.yaml", "landmarks by name", (".yaml", ".yml"), reads=False),
+    "ros": Format("teamslam.io.maps.ros_mcap", "a recording for ROS 2 (MCAP): paths and markers", reads=False),
     "rrd": Format("teamslam.io.maps.rerun_rrd", "a scene for rerun (.rrd)", (".rrd",), reads=False),
     "foxglove": Format("teamslam.io.maps.foxglove_mcap", "a scene for Foxglove (.mcap)", (".mcap",), reads=False),
     "wpilib": Format("teamslam.io.maps.wpilib", "tags as a field layout of WPILib (.json)", (".json",), reads=False),
     "csv": Format("teamslam.io.maps.table", "one table of poses and landmarks with covariances", (".csv",)),
+    "truth": Format(
+        "teamslam.io.maps.truth_csv",
+        "a CSV file of true poses (robot, stamp, ...) or places (landmark, ...)",
+        writes=False,
+    ),
 }
 
 KINDS = {"log": FORMATS, "submaps": SUBMAP_FORMATS, "map": MAP_FORMATS}
@@ -115,12 +129,23 @@ def write_submaps(submaps: Sequence[Submap], path: str | Path, format: str = "te
     return losses
 
 
-def write_maps(maps: Sequence[MapEstimate], path: str | Path, format: str | None = None) -> tuple[Dropped, ...]:
+def write_maps(
+    maps: Sequence[MapEstimate], path: str | Path, format: str | None = None, *, anchor: Anchor | None = None
+) -> tuple[Dropped, ...]:
     """Writes finished maps in the format named or told by the path's ending; several into files of their own where a
-    file holds one. Returns what the format has no place for."""
+    file holds one. Returns what the format has no place for.
+
+    Formats of places on the Earth take an `anchor`, and no others do (InputError).
+    """
     path = Path(path)
     row = _row_to_write(MAP_FORMATS, path, format, None)
-    losses: tuple[Dropped, ...] = row.function("write")(maps, path)
+    if row.anchored and anchor is None:
+        raise InputError("places on the Earth need an anchor: where the map's origin is, and how its x axis is turned")
+    if anchor is not None and not row.anchored:
+        able = " and ".join(name for name, other in MAP_FORMATS.items() if other.anchored)
+        raise InputError(f"an anchor goes with places on the Earth ({able}); this format holds the map's own")
+    on_earth = {"anchor": anchor} if row.anchored else {}
+    losses: tuple[Dropped, ...] = row.function("write")(maps, path, **on_earth)
     return losses
 
 

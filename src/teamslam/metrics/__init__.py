@@ -5,7 +5,8 @@ from teamslam.metrics.bound import Bound, cramer_rao
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, fit_of
 from teamslam.metrics.frames import Aligned, align_team, truth_at_base
 from teamslam.metrics.naming import as_called
-from teamslam.metrics.report import Report, score
+from teamslam.metrics.report import Report, errors_of, score
+from teamslam.metrics.sampling import at_stamps_of
 
 __all__ = [
     "Accuracy",
@@ -22,8 +23,10 @@ __all__ = [
     "Track",
     "align_team",
     "as_called",
+    "at_stamps_of",
     "cramer_rao",
     "errors_at_base",
+    "errors_of",
     "fit_of",
     "score",
     "truth_at_base",

@@ -52,6 +52,14 @@ class RobotErrors:
 
 
 @dataclass(frozen=True)
+class LandmarkErrors:
+    """How far one landmark is off, after the team's alignment [m]; heights count only where both know them."""
+
+    landmark: str
+    position_m: float
+
+
+@dataclass(frozen=True)
 class PairErrors:
     """Errors (RMSE) of the pose of the second robot as seen from the first: at each pose of the first, the pose of the
     second that is nearest in time."""
@@ -88,6 +96,7 @@ class Accuracy:
     robots: tuple[RobotErrors, ...]
     pairs: tuple[PairErrors, ...]
     tracks: tuple[Track, ...]
+    each_landmark: tuple[LandmarkErrors, ...] = ()
 
     def __repr__(self) -> str:
         return f"Accuracy({self.poses:,} poses of {len(self.robots)} robots and {self.landmarks:,} landmarks compared)"
@@ -108,6 +117,7 @@ def accuracy(aligned: Aligned, names: Names) -> Accuracy:
         robots=tuple(_robot_errors(aligned, names.robot(r), own) for r, own in by_robot.items()),
         pairs=tuple(_pairs(aligned, names, {r: aligned.known_poses(own) for r, own in by_robot.items()})),
         tracks=tuple(_track(aligned, names, r, own) for r, own in by_robot.items()),
+        each_landmark=tuple(_landmarks(aligned, names, np.sort(marks))),
     )
 
 
@@ -153,6 +163,12 @@ def _robot_errors(aligned: Aligned, name: str, keys: IntArray) -> RobotErrors:
         rpe_rmse_m=_rmse(drift.translation),
         rpe_rmse_rad=_rmse(_turn(drift)),
     )
+
+
+def _landmarks(aligned: Aligned, names: Names, keys: IntArray) -> Iterator[LandmarkErrors]:
+    distances = np.linalg.norm(aligned.positions(keys), axis=-1)
+    for number, distance in zip(index_of(keys).tolist(), distances.tolist(), strict=True):
+        yield LandmarkErrors(names.landmark(number), distance)
 
 
 def _ate(aligned: Aligned, keys: IntArray) -> float:

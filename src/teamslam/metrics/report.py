@@ -1,7 +1,7 @@
 """The score of a map against a truth, in one record: for people as a table, for scripts as JSON."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from teamslam.cards import card, curves
@@ -9,7 +9,7 @@ from teamslam.errors import in_words
 from teamslam.geometry import Pose
 from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
-from teamslam.metrics.frames import align_team
+from teamslam.metrics.frames import Aligned, align_team
 from teamslam.model import Submap, Values
 
 
@@ -82,6 +82,7 @@ class Report:
             "landmark_rmse_m": self.landmark_rmse_m,
             "rmse_per_number": _fields(scored.per_number) if scored else None,
             "robots": [_fields(r) for r in scored.robots] if scored else [],
+            "landmarks": [_fields(m) for m in scored.each_landmark] if scored else [],
             "pairs": [_fields(p) | {"robots": list(p.robots)} for p in scored.pairs] if scored else [],
             "nees_per_dof": self.nees_per_dof,
             "nees": _chi_square(honest.nees) | {"frame": honest.frame} if honest else None,
@@ -101,23 +102,35 @@ def score(map: Submap, truth: Values, *, covariances: Marginals | None = None) -
     the truth as a whole changes nothing.
     """
     aligned = align_team(map, truth)
+    found = replace(_compared(map, aligned), fit=fit_of(map))
+    if aligned is None or not aligned.held:
+        return found
+    return replace(found, consistency=consistency(map, truth, aligned, covariances))
+
+
+def errors_of(map: Submap, truth: Values) -> Report:
+    """As `score`, of a map that says nothing of how sure it is: errors alone."""
+    return _compared(map, align_team(map, truth))
+
+
+def _compared(map: Submap, aligned: Aligned | None) -> Report:
     if aligned is None:
-        return Report(map.id, fit_of(map), note="the truth knows none of the map's variables")
+        return Report(map.id, None, note="the truth knows none of the map's variables")
     if not aligned.held:
         what = "one place" if len(aligned.keys) == 1 else "places in one line, without orientation,"
         note = f"the truth knows {what} of this map only, which leaves it free to turn: nothing can be compared"
-        return Report(map.id, fit_of(map), note=note)
+        return Report(map.id, None, note=note)
     return Report(
         map=map.id,
-        fit=fit_of(map),
+        fit=None,
         alignment=aligned.pose,
         basis=aligned.basis,
         accuracy=accuracy(aligned, map.names),
-        consistency=consistency(map, truth, aligned, covariances),
         note="" if aligned.alike else STRANGERS,
     )
 
 
+MOST_LANDMARKS = 5  # told one by one in words; all are in `to_dict`
 STRANGERS = "the errors are as large as the map itself: is this the truth of this team, in this world?"
 
 
@@ -149,6 +162,10 @@ def _lines(report: Report) -> Iterator[str]:
         for r in scored.robots:
             numbers = (r.position_rmse_m, r.turn_rmse_rad, r.ate_rmse_m, r.rpe_rmse_m, r.rpe_rmse_rad)
             yield f"  {in_words(r.robot):<12} {r.poses:>7} " + " ".join(f"{_number(x):>9}" for x in numbers)
+        if scored.each_landmark:
+            worst = sorted(scored.each_landmark, key=lambda mark: -mark.position_m)[:MOST_LANDMARKS]
+            told = ", ".join(f"{in_words(mark.landmark)} {_number(mark.position_m)} m" for mark in worst)
+            yield f"  {'landmarks farthest off':<24} {told}"
         for p in scored.pairs:
             yield (
                 f"  robot {in_words(p.robots[1])} seen from {in_words(p.robots[0])}: RMSE "

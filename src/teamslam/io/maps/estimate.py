@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array
-from teamslam.model import WORLD, Names, Submap, Values, is_parameter, is_pose, robot_of
+from teamslam.model import WORLD, Names, Sources, Submap, Values, is_parameter, is_pose, robot_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,14 @@ class MapEstimate:
         return cls(
             values, tuple((blocks | still)[key] for key in values.layout.keys.tolist()), submap.base, submap.names
         )
+
+    def as_submap(self, id: str) -> Submap:
+        """A map that says nothing of how sure it is: its information is zero, and it holds no rows."""
+        held = self.values.select(self.values.layout.keys != self.base)
+        poses = self.values.layout.kinds[is_pose(self.values.layout.keys)]
+        dim = 2 + int((poses % 2).max(initial=0))
+        nothing = sp.csr_array((held.layout.dof,) * 2)
+        return Submap(id, 0, self.base, dim, held, nothing, Sources(), self.names)
 
     @property
     def robots(self) -> list[int]:

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array, Pose
+from teamslam.geometry import Array, Pose, concatenate
 from teamslam.io.files.delimited import read_columns
 from teamslam.io.files.text import rows_of_text, write_text
 from teamslam.io.maps.estimate import MapEstimate, paths_of
-from teamslam.model import Dropped, Names, Values, is_pose, robot_of
+from teamslam.model import WORLD, Dropped, Kind, Names, Values, is_pose, pose_key, robot_of
+from teamslam.model.keys import MAX_INDEX
 
+TICK_S = 1e-6
 FIELDS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
@@ -52,6 +54,28 @@ def read_trajectory(path: str | Path) -> tuple[Array, Pose]:
 def sniff(path: Path) -> bool:
     """A file *.tum, or a folder of them."""
     return any(path.glob("*.tum")) if path.is_dir() else path.suffix == ".tum"
+
+
+def read(path: Path) -> list[MapEstimate]:
+    """The trajectories in a file, or in all files *.tum of a folder, as one map in a frame that nobody named. A robot
+    is called as its file is; stamps are taken to the microsecond."""
+    files = sorted(path.glob("*.tum")) if path.is_dir() else [path]
+    if not files:
+        raise InputError("there is no file *.tum in this folder", path=path)
+    keys, poses = [], []
+    for robot, file in enumerate(files, 1):
+        stamps, way = read_trajectory(file)
+        ticks = np.rint(stamps / TICK_S).astype(np.int64)
+        if ticks[0] < 0 or ticks[-1] > MAX_INDEX or (np.diff(ticks) == 0).any():
+            raise InputError(
+                f"stamps are from 0 to {MAX_INDEX * TICK_S:.0f} s, a microsecond apart or more",
+                path=file,
+                field="stamp",
+            )
+        keys.append(pose_key(robot, ticks))
+        poses.append(way)
+    values = Values.of({Kind.POSE3: (np.concatenate(keys), concatenate(poses))})
+    return [MapEstimate(values, None, WORLD, Names({n: file.stem for n, file in enumerate(files, 1)}, {}, TICK_S))]
 
 
 def write(maps: Sequence[MapEstimate], path: Path) -> tuple[Dropped, ...]:
