@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teamslam.io import FORMATS, read, read_maps, read_submaps, write, write_submaps
+from teamslam.io import FORMATS, MAP_FORMATS, read, read_maps, read_submaps, write, write_submaps
 from teamslam.io.maps.tum import read_trajectory
 from teamslam.joining import build, split
 from teamslam.results import read_run
@@ -18,6 +18,8 @@ def test_help_names_every_format_and_those_that_are_only_read(teamslam) -> None:
     for name, row in FORMATS.items():
         line = next(line for line in lines if line.strip().startswith(f"{name} "))
         assert ("(read only)" in line) is not row.writes
+    told = " ".join(lines)
+    assert all(name in told[told.index("Of maps") : told.index("Of submaps")] for name in MAP_FORMATS)
 
 
 @pytest.mark.parametrize("to", [name for name, row in FORMATS.items() if row.writes])

@@ -41,10 +41,11 @@ def convert(
     toro     TORO and iSAM graphs (.graph, .txt)              (read only)
     mrclam   UTIAS MRCLAM data sets                           (read only)
     islsjf   Victoria Park's clean log, runs of I-SLSJF       (read only)
+    recordings  of ROS: a team file that names them           (read only)
     ```
 
-    Of maps (of a run, or of a file that holds one): csv, g2o, jrr, tum; and to write only: geojson, kml, ply, yaml,
-    ros, rrd, foxglove. Of submaps: teamslam, linear and islsjf (read only).
+    Of maps (of a run, or of a file that holds one): csv, truth (read only), g2o, jrr, tum; and to write
+    only: geojson, kml, ply, yaml, ros, wpilib, rrd, foxglove. Of submaps: teamslam, linear and islsjf (read only).
 
     Exit codes: 0 done; 2 bad input or usage.
 
