@@ -21,7 +21,7 @@ from teamslam.results import read_run, with_residuals
 from worlds import apart, team
 
 CALL = "import sys; from teamslam.cli import main; sys.exit(main(sys.argv[1:]))"
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ def switch(chrome: Any, word: str) -> Any:
 
 
 def until(found: Any) -> Any:
-    """What comes to be found, within a minute."""
+    """What comes to be found, before patience ends."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         if result := found():

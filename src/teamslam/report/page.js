@@ -42,7 +42,7 @@
   // --- what the reader has chosen -----------------------------------------------------------------------------------
   const state = { time: end, window: span / 60, colour: "robot", times: {}, on: {} };
   const layers = [
-    ["ways", "robots", true, true], ["marks", "landmarks", has.marks, true], ["names", "names", has.marks, true],
+    ["ways", "robots", true, true], ["marks", "landmarks", has.marks, true], ["names", "names", true, true],
     ["regions", "95 % regions", has.regions, true], ["rows", "sightings", has.rows, true],
     ["seen", "robots seen", has.seen, true], ["truth", "truth", has.truth, true],
     ["second", "second places", has.second, true],
@@ -77,7 +77,7 @@
   const last = (share) => (data.counts ? Math.max(1, nice(span / share)) : nice(span / share));
   state.window = last(60);
   for (const length of new Set([300, 60, 10].map(last))) {
-    const o = el("option", "the last " + short(length) + " " + unit, $("window"));
+    const o = el("option", "the last " + (data.counts && length === 1 ? "pose" : short(length) + " " + unit), $("window"));
     o.value = length; o.selected = length === state.window;
   }
   el("option", "all so far", $("window")).value = "Infinity";
@@ -182,7 +182,7 @@
       const k = Math.sqrt(part.quantile) * times * cam.scale, [x, y] = Array.isArray(p) ? p : [X(p, i), Y(p, i)];
       const big = k * Math.sqrt(Math.max(mean + d, 0)), small = k * Math.sqrt(Math.max(mean - d, 0));
       if (!(big > 0.3) || big > 20 * (w + h)) return;
-      g.beginPath(); g.ellipse(x, y, big, small, -0.5 * Math.atan2(2 * xy, xx - yy), 0, 2 * Math.PI); g.fill(); g.stroke();
+      g.beginPath(); g.ellipse(x, y, big, small, -0.5 * Math.atan2(2 * xy, xx - yy), 0, 2 * Math.PI); if (big < 0.4 * Math.min(w, h)) g.fill(); g.stroke(); // what is larger would hide the map
     };
 
     this.draw = () => {
