@@ -57,13 +57,41 @@ def test_a_building_by_one_robot_against_its_survey(data, tmp_path):
     log = ts.read(tmp_path / "team.toml")
     assert any("tag 381" in d.reason and d.count == 1 for d in log.dropped)
     assert any("odometry jumped 2 times" in note for note in log.notes)
-    values = run(log).map.all_values
+    keys = [int(k) for k in log.landmark_keys]
+    assert len(keys) == 20 and set(keys) <= set(survey_of(folder))
+    check(run(log).map.all_values, folder, keys)
+
+
+def test_a_building_by_two_recordings_on_two_days(data, tmp_path):
+    """Recording 10 has no odometry, 81 tags in parts that no tag ties together, and tag 20 stands in one corner and
+    later in another. Joined to 11 through the tags that both saw, those of 11 are as good as by 11 alone."""
+    folder = data("tagslam_dupont")
+    ten = f'''[[robot]]
+name = "ten"
+recording = "{folder}/test_10/tag_detections.bag"
+image_every_s = 1.0
+[[robot.camera]]
+name = "pg"
+tags = "/pg_17274483/tags"
+calibration = "{folder}/test_10/cameras.yaml"
+'''
+    (tmp_path / "team.toml").write_text(building(folder) + ten)
+    log = ts.read(tmp_path / "team.toml")
+    (said,) = (note for note in log.notes if "places" in note)
+    assert "robot ten: tag 20 stands at 2 places" in said
+    result = run(log)
+    first = result.joined.components[0].map
+    assert set(first.robots) == {1, 2} and len(result.joined.components) == 4
+    of_eleven = np.unique(np.concatenate([t.keys[:, 1] for t in log.tables if t.robot == 1 and t.model == "corners"]))
+    check(first.all_values, folder, [int(k) for k in of_eleven], slack=0.003)
+
+
+def check(values, folder, keys, slack=0.0):
+    """Tags against the survey, after one alignment: no worse than TagSLAM; its contradictions are the known ones."""
     survey = survey_of(folder)
-    keys = [k for k in survey if values.layout.contains(np.array(k))]
-    assert len(keys) == 20
     found, said = values.positions(np.array(keys), 3), np.array([survey[k] for k in keys])
     off = np.linalg.norm(align(found, said).pose.act(found) - said, axis=1)
-    assert np.median(off) <= 0.041 and np.sqrt(np.mean(off**2)) <= 0.105
+    assert np.median(off) <= 0.041 + slack and np.sqrt(np.mean(off**2)) <= 0.105
     assert {keys[k] for k in np.argsort(-off)[:3]} == {6, 79, 97}
     rest = np.array([k not in (6, 79, 97) for k in keys])
     off = np.linalg.norm(align(found[rest], said[rest]).pose.act(found[rest]) - said[rest], axis=1)

@@ -19,6 +19,7 @@ from teamslam.errors import InputError
 from teamslam.frontend.stamps import keyframe_of, merge
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners, Track
 from teamslam.frontend.tags.camera import Camera
+from teamslam.frontend.tags.identities import Place, places_of_tags
 from teamslam.frontend.tags.rows import LOOKING, Tag, corner_rows
 from teamslam.frontend.way import Steps, WayNoise, diagonal, standing, steps_between
 from teamslam.geometry import AnyArray, BoolArray, IntArray, Pose
@@ -66,13 +67,16 @@ def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
     numbers = {robot.name: k + 1 for k, robot in enumerate(team.robot)}
     keyframes = _keyframes(told, numbers)
     tables: list[Table] = []
+    called: dict[int, str] = {}
     for robot in told:
         number = numbers[robot.entry.name]
+        places = places_of_tags(_sightings(robot, number, numbers, keyframes, team))
+        robot = robot.with_places(places, called, book)
         tables += _odometry(robot, number, keyframes[number], book)
         tables += _sightings(robot, number, numbers, keyframes, team)
     if not any(table.source != "odometry" for table in tables):
         raise InputError("no tag was seen in any image; check topics and calibrations", path=path)
-    landmarks = {landmark_number(entry.name): entry.name for entry in team.landmark}
+    landmarks = called | {landmark_number(entry.name): entry.name for entry in team.landmark}
     names = Names({number: name for name, number in numbers.items() if name != str(number)}, landmarks)
     return Dataset(
         {numbers[robot.name]: robot.dim for robot in team.robot},
@@ -151,6 +155,36 @@ class _Seen:
         views = [v.select(~np.isin(v.corners.ids, list(own))) for v in views]
         told = [tuple(carried.get(n) or Tag(n, team.size_of(n), str(n)) for n in v.corners.ids.tolist()) for v in views]
         return replace(self, views=tuple(replace(v, tags=t) for v, t in zip(views, told, strict=True)))
+
+    def with_places(self, places: Sequence[Place], called: dict[int, str], book: _Book) -> "_Seen":
+        """Each place of a tag that stands at several as a landmark of its own, which nobody else can mean; `called`
+        gets their names. A landmark of several tags keeps its name."""
+        names: dict[int, list[tuple[str, Place]]] = {}
+        for place in places:
+            name = f"{place.tag} at place {place.number} of {self.entry.name}"
+            called[landmark_number(name)] = name
+            names.setdefault(place.tag, []).append((name, place))
+        for tag, found in names.items():
+            spans = "; ".join(
+                ", ".join(f"{a / TICKS_PER_S:.1f} s to {b / TICKS_PER_S:.1f} s" for a, b in place.visits)
+                for _, place in found
+            )
+            book.notes.append(
+                f"robot {self.entry.name}: tag {tag} stands at {len(found)} places ({spans}): it was moved, or its "
+                f"number stands twice; each place is a landmark of its own"
+            )
+
+        def at(tag: Tag, tick: int) -> Tag:
+            for name, place in () if tag.is_robot else names.get(landmark_number(tag.carrier), ()):
+                if any(start <= tick <= stop for start, stop in place.visits):
+                    return replace(tag, carrier=name)
+            return tag
+
+        views = [
+            replace(view, tags=tuple(map(at, view.tags, _image_of(view.ticks, view.ticks).tolist())))
+            for view in self.views
+        ]
+        return replace(self, views=tuple(views)) if places else self
 
     def used(self) -> "_Seen":
         """Only what was seen in the images that are used."""

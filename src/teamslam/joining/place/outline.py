@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from teamslam.frontend.tags.whole_poses import as_relative_poses
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, rotations
 from teamslam.joining.start.targets import WHOLE, measured_positions
-from teamslam.joining.start.whole_poses import as_relative_poses
 from teamslam.model import WORLD, Kind, Submap, Table, is_landmark, robot_of, unpack, variances
 from teamslam.solver import Covariances
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from teamslam.joining.start.by_targets import by_targets
+from teamslam.frontend.tags.by_targets import by_targets
 from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.dead_reckoning import dead_reckoning
 from teamslam.joining.start.driven import driven

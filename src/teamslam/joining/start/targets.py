@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from teamslam.frontend.tags.whole_poses import as_relative_poses, tells_pose, voted
 from teamslam.geometry import Array, IntArray, Pose, concatenate, directions, lift_points
-from teamslam.joining.start.whole_poses import as_relative_poses, tells_pose, voted
 from teamslam.model import Kind, Layout, Table, Values, unpack
 
 WHOLE = ("point", "range_bearing")  # models that fix a position at once

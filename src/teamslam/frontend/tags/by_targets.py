@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from teamslam.frontend.tags.whole_poses import CUT, MOST, hypotheses, tells_pose
 from teamslam.geometry import Array, IntArray, Pose, concatenate
-from teamslam.joining.start.whole_poses import CUT, MOST, hypotheses, tells_pose
 from teamslam.model import Kind, Table, Values, is_landmark
 
 STEPS, STEP = 3, 1e-6  # of the refinement, and of its differences
