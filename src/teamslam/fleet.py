@@ -46,9 +46,10 @@ class Member:
         self.robot = self.robot.finish()
         self.peer = self.peer.with_submaps(self.mapper.finish(self.robot))
 
-    def talk(self, now_s: float) -> None:
-        """Hear and say what there is."""
+    def talk(self, now_s: float, between: Callable[[], None] = lambda: None) -> None:
+        """Hear and say what there is; `between` the two something may be done."""
         self.peer, out = self.peer.step(now_s, self.link.receive())
+        between()
         for packet in out:
             self.link.send(packet.to, packet.data)
 

@@ -31,12 +31,29 @@ def test_over_poor_links_it_is_the_offline_map(teamslam, log: Path, tmp_path: Pa
     assert [canonical(m) for m in read_submaps(tmp_path / "team" / "maps")] == [canonical(offline.map)]
 
 
+def test_in_processes_over_sockets_it_is_the_offline_map_though_robots_are_killed(
+    teamslam, log: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("zenoh")
+    called = teamslam(
+        "team", log, "--out", tmp_path / "team", "--poses-per-piece", 9, "--sockets", "--speed", 8, "--kill", 1
+    )
+    assert called.code == 0, called.err
+    report = json.loads((tmp_path / "team" / "report.json").read_text())
+    assert report["maps_equal"] and report["equal_to_offline"] and report["online_position_rmse_m"] < 0.5
+    assert {name: robot["rows"]["late"] for name, robot in report["robots"].items()} == {"1": 0, "2": 0, "3": 0}
+    offline = SubmapSet.of(*(build(piece) for piece in split(read(log), poses_per_piece=9))).join()
+    for folder in ("maps", "1/maps", "2/maps", "3/maps"):
+        assert [canonical(m) for m in read_submaps(tmp_path / "team" / folder)] == [canonical(offline.map)]
+
+
 @pytest.mark.parametrize(
     ("extra", "says"),
     [
         (("--loss", 1.0), "a share is from 0 to below 1"),
         (("--rate", -5), "a number above 0"),
         (("--poses-per-piece", 1), "at least 2 poses"),
+        (("--kill", 2), "add --sockets"),
     ],
 )
 def test_links_that_cannot_be_are_refused(

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from teamslam.cli.numbers import MaybeWhole, Whole
+from cyclopts import Parameter
+
+from teamslam.cli.numbers import MaybeWhole, Whole, whole
 
 if TYPE_CHECKING:
     from teamslam.model import Names
@@ -22,6 +24,11 @@ def robot(
     landmarks: Whole = 64,
     speed: float | None = None,
     resume: bool = False,
+    team: str = "team",
+    listen: str | None = None,
+    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = (),
+    certificates: Path | None = None,
+    members: Annotated[tuple[int, ...], Parameter(converter=whole, consume_multiple=True, negative="")] = (),
     format: str | None = None,
 ) -> int:
     """Map while driving: a robot's log is played row by row, as if its sensors spoke now.
@@ -33,6 +40,7 @@ def robot(
     teamslam robot MRCLAM_Dataset6 --robot 3 --out robot-3
     teamslam robot MRCLAM_Dataset6 --robot 3 --out robot-3 --poses-per-piece 300 --speed 10
     teamslam join robot-1/submaps robot-3/submaps --out map
+    teamslam robot log --robot 3 --out robot-3 --listen 10.0.0.3:7447 --connect 10.0.0.1:7447
     ```
 
     In the folder: `poses.csv`, a line for each moment, `submaps/`, a file for each submap, and `journal.db`, all that
@@ -61,6 +69,18 @@ def robot(
         How many seconds of the log go by in one. By default as fast as can be.
     resume
         Go on in a folder where a robot was stopped or killed: what its journal holds is not asked for again.
+    team
+        The name of the team that it exchanges submaps with.
+    listen
+        Where it can be reached by its team, as 192.168.1.3:7447. Without it, it drives alone. With it, it goes on
+        talking when its rows have ended, until it is ended (SIGTERM, Ctrl-C); then it writes the team map into `maps/`.
+        How it stands is in `status.json` all the time.
+    connect
+        Where some of its team can be reached; of the others it learns from them.
+    certificates
+        The folder with its certificate, as `teamslam keys` makes them. Without it all is in the clear.
+    members
+        The numbers of the robots that it listens to, where there are certificates.
     format
         The format of the log, where it cannot be told from its looks.
     """
@@ -83,6 +103,11 @@ def robot(
     options = Options(poses_per_piece, heading_sigma, horizon, landmarks)
     dataset = read(log, format=format)
     number = _number_of(robot, dataset.names, [r for r in sorted(dataset.robots) if dataset.of_robot(r).tables])
+    if listen is not None:
+        from teamslam.cli.convoy import among
+        from teamslam.robot.link.zenoh import Address
+
+        return among(dataset, options, Address(team, number, listen, connect, certificates, members), out, speed)
     submaps = 0
     (out / "submaps").mkdir(parents=True, exist_ok=resume)
     with (

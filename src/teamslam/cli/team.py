@@ -1,9 +1,15 @@
 """`teamslam team`: a whole team that drives and exchanges, from its log, on one machine."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from teamslam.cli.numbers import MaybeWhole, Whole
+
+if TYPE_CHECKING:
+    from teamslam.model import Dataset, Submap
+    from teamslam.robot import Options
 
 
 def team(
@@ -20,6 +26,9 @@ def team(
     line_rate: float | None = None,
     rate: float | None = None,
     seed: Whole = 0,
+    sockets: bool = False,
+    speed: float | None = None,
+    kill: Whole = 0,
     format: str | None = None,
 ) -> int:
     """Let a team's robots drive as in its log, each with its own rows alone, and exchange submaps over poor links.
@@ -31,6 +40,7 @@ def team(
     ```
     teamslam team MRCLAM_Dataset6 --out team
     teamslam team MRCLAM_Dataset6 --out team --loss 0.3 --delay 0.5 --line-rate 20000
+    teamslam team MRCLAM_Dataset6 --out team --sockets --speed 60 --kill 3
     ```
 
     Exit codes: 0 done; 1 some robot's map is another than the rest's, or something is in no map; 2 bad input or usage.
@@ -59,10 +69,18 @@ def team(
         How many bytes of submaps a second a robot sends to each other. By default all that it is asked for.
     seed
         Of what becomes of packets.
+    sockets
+        A process for each robot, over real sockets of this machine with certificates, in real time. Each robot's folder
+        is in `out`, with its journal.
+    speed
+        With --sockets: how many seconds of the log go by in one. By default as fast as can be.
+    kill
+        With --sockets: how often some robot is killed (SIGKILL) on the way, and started anew.
     format
         The format of the log, where it cannot be told from its looks.
     """
     from teamslam.cli.console import answer, complain, say
+    from teamslam.errors import InputError
     from teamslam.fleet import fleet
     from teamslam.io import read, write_submaps
     from teamslam.results import refuse_to_overwrite, whole_folder
@@ -76,18 +94,24 @@ def team(
     options = Options(poses_per_piece, heading_sigma, 0.0, landmarks)
     weather, habits = Weather(loss, twice, 0.0, delay, line_rate), Habits(rate=rate)
     dataset = read(log, format=format)
-    found = fleet(dataset, options, habits=habits, weather=weather, seed=seed)
-    report, joined = report_of(dataset, found, options)
-    with whole_folder(out) as draft:
-        if joined is not None:
-            write_submaps([component.map for component in joined.components], draft / "maps")
+    if not sockets and (speed is not None or kill):
+        raise InputError("--speed and --kill are for robots in processes of their own; add --sockets")
+    if sockets:
+        report, parts = _in_processes(log, dataset, options, out, speed, kill, seed, format)
+    else:
+        found = fleet(dataset, options, habits=habits, weather=weather, seed=seed)
+        report, joined = report_of(dataset, found, options)
+        parts = [component.map for component in joined.components] if joined is not None else []
+    with nullcontext(out) if sockets else whole_folder(out) as draft:
+        if parts:
+            write_submaps(parts, draft / "maps")
         (draft / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     whole = report["maps_equal"] and report["equal_to_offline"] and report["components"] == 1
     if not report["maps_equal"]:
         complain("the robots' maps are not equal: some lack what others hold; see 'missing' in report.json")
-    carried = sum(link["carried_bytes"] for link in report["links"])
-    parts = counted(len(found.members), "robot", report["components"], "part", carried, "byte")
-    say(f"written: {out}: {parts} sent")
+    sent = sum(link["body_bytes"] + link["word_bytes"] for link in report["links"])
+    counts = counted(len(report["robots"]), "robot", report["components"], "part", sent, "byte")
+    say(f"written: {out}: {counts} sent")
     for what, field in (
         ("robots' position RMSE", "robot_position_rmse_m"),
         ("landmarks' position RMSE", "landmark_rmse_m"),
@@ -97,3 +121,26 @@ def team(
             say(f"{what} {report[field]:.3f} m")
     answer(report)
     return 0 if whole else 1
+
+
+def _in_processes(
+    log: Path,
+    dataset: "Dataset",
+    options: "Options",
+    out: Path,
+    speed: float | None,
+    kill: int,
+    seed: int,
+    format: str | None,
+) -> "tuple[dict[str, Any], list[Submap]]":
+    """The record of robots in processes of their own, and the parts of the team map."""
+    from teamslam.cli.convoy import convoy
+    from teamslam.results.fleet import report_of_folders
+
+    extra = ["--landmarks", str(options.landmarks)]
+    for name, value in (("poses-per-piece", options.poses_per_piece), ("heading-sigma", options.heading_sigma),
+                        ("speed", speed), ("format", format)):  # fmt: skip
+        extra += [f"--{name}", str(value)] if value is not None else []
+    numbers = [robot for robot in sorted(dataset.robots) if dataset.of_robot(robot).tables]
+    statuses = convoy(log, dataset, numbers, out, extra, kill, seed)
+    return report_of_folders(dataset, out, statuses, options)

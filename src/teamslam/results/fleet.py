@@ -10,21 +10,26 @@ alone             the same two of each robot with nothing but its own log
 links             bytes from whom to whom: bodies of submaps, and all else; those that were lost count
 """
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from teamslam.errors import TeamslamError
 from teamslam.fleet import Fleet, Member
-from teamslam.geometry import align
+from teamslam.geometry import Array, align
+from teamslam.io import read_submaps
 from teamslam.joining import Joined, build, split
 from teamslam.metrics import score
-from teamslam.model import Dataset, Names, Submap, Values, is_pose
+from teamslam.model import Dataset, Names, Submap, Values, pose_key, robot_of
 from teamslam.robot import Estimate, Options
 from teamslam.robot.peer import EVERYONE
 from teamslam.team import SubmapSet
 from teamslam.wire.messages import canonical
+
+Told = tuple[int, object, Array]
 
 
 def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, Any], Joined | None]:
@@ -42,7 +47,7 @@ def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, A
         "settled_s": found.settled_s,
         "components": len(first.components) if first is not None else 0,
         **_scores(whole, log.truth),
-        "online_position_rmse_m": _online([e for member in members.values() for e in member.told], log.truth),
+        "online_position_rmse_m": _online([told_of(e) for m in members.values() for e in m.told], log.truth),
         "alone": {names.robot(number): _scores(_alone(member), log.truth) for number, member in members.items()},
         "links": links_of(found, names),
     }
@@ -95,6 +100,11 @@ def links_of(found: Fleet, names: Names) -> list[dict[str, Any]]:
     return out
 
 
+def told_of(estimate: Estimate) -> Told:
+    """A pose that was told: its key, its frame, its place."""
+    return estimate.key, estimate.frame, estimate.pose.translation
+
+
 def _robot(member: Member) -> dict[str, Any]:
     counts, peer = member.robot.counts, member.peer
     return {
@@ -120,18 +130,74 @@ def _alone(member: Member) -> Submap | None:
     return None if made is None else made.map
 
 
-def _online(told: Sequence[Estimate], truth: Values | None) -> float | None:
+def _online(told: Sequence[Told], truth: Values | None) -> float | None:
     """The error of poses as they were told, those of one robot in one frame after one alignment."""
     if truth is None:
         return None
-    known = [e for e in told if truth.layout.contains(e.key)]
-    by_frame: dict[tuple[int, int], list[Estimate]] = {}
-    for estimate in known:
-        assert is_pose(estimate.key)
-        by_frame.setdefault((estimate.key >> 51, estimate.frame), []).append(estimate)
+    by_frame: dict[tuple[int, object], list[Told]] = {}
+    for key, frame, place in told:
+        if truth.layout.contains(key):
+            by_frame.setdefault((int(robot_of(key)), frame), []).append((key, frame, place))
     squared = []
     for group in by_frame.values():
-        places = np.stack([e.pose.translation for e in group])
-        true = truth.positions(np.array([e.key for e in group]), places.shape[-1])
+        places = np.stack([place for _, _, place in group])
+        true = truth.positions(np.array([key for key, _, _ in group]), places.shape[-1])
         squared.append(np.sum((align(places, true).pose.act(places) - true) ** 2, -1))
     return float(np.sqrt(np.mean(np.concatenate(squared)))) if squared else None
+
+
+# --- of robots in processes of their own ---------------------------------------------------------------------------
+
+
+def report_of_folders(
+    log: Dataset, out: Path, statuses: Mapping[str, Mapping[str, Any]], options: Options
+) -> tuple[dict[str, Any], list[Submap]]:
+    """The record of robots that wrote a folder each, by name, and the parts of the first one's map."""
+    maps = {name: read_submaps(out / name / "maps") if (out / name / "maps").is_dir() else [] for name in statuses}
+    bits = {name: b"".join(map(canonical, parts)) for name, parts in maps.items()}
+    offline = bits_of(joined(SubmapSet.of(*offline_submaps(log, options))))
+    first = next(iter(maps.values()), [])
+    alone = {name: joined(SubmapSet.of(*read_submaps(out / name / "submaps"))) for name in statuses}
+    record: dict[str, Any] = {
+        "robots": {
+            name: {
+                "rows": status.get("rows"),
+                "submaps": len(status.get("holds", ())),
+                "missing": status.get("missing"),
+                "refused_packets": status.get("refused_packets"),
+                "journal": status.get("journal"),
+            }
+            for name, status in statuses.items()
+        },
+        "maps_equal": len(set(bits.values())) == 1,
+        "equal_to_offline": set(bits.values()) == {offline},
+        "components": len(first),
+        **_scores(first[0] if first else None, log.truth),
+        "online_position_rmse_m": _online([t for name in statuses for t in _told_in(out / name, log)], log.truth),
+        "alone": {name: _scores(made.map if made else None, log.truth) for name, made in alone.items()},
+        "links": [
+            {
+                "from": name,
+                "to": other,
+                "bodies": sent["bodies"],
+                "body_bytes": sent["body_bytes"],
+                "word_bytes": sent["word_bytes"] + status["links"].get("all", {}).get("word_bytes", 0),
+            }
+            for name, status in statuses.items()
+            for other, sent in status.get("links", {}).items()
+            if other != "all"
+        ],
+    }
+    return record, first
+
+
+def _told_in(folder: Path, log: Dataset) -> list[Told]:
+    """The poses that a robot told, from its folder."""
+    numbers = {log.names.robot(number): number for number in log.robots}
+    found: list[Told] = []
+    with (folder / "poses.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            key = int(pose_key(numbers[row["robot"]], round(float(row["stamp_s"]) / log.names.tick_s)))
+            place = np.array([float(row[name]) for name in ("x_m", "y_m", "z_m") if name in row])
+            found.append((key, (row["frame"], row["frame_stamp_s"]), place))
+    return found

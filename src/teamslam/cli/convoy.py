@@ -1,0 +1,136 @@
+"""Robots in processes of their own: one of them, and a whole team of them on this machine."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from teamslam.model import Dataset
+    from teamslam.robot import Options
+    from teamslam.robot.link.zenoh import Address
+
+
+def among(dataset: "Dataset", options: "Options", address: "Address", out: Path, speed: float | None) -> int:
+    """One robot among its team until it is ended; it goes on from its journal where there is one."""
+    from teamslam.cli.console import complain
+    from teamslam.convoy import Driver
+    from teamslam.fleet import Member
+    from teamslam.io import write_submaps
+    from teamslam.io.files.whole import whole_file
+    from teamslam.io.submaps.arrays import file_name, write_submap
+    from teamslam.live import begun, replayed
+    from teamslam.results.fleet import joined
+    from teamslam.results.poses import PoseFile
+    from teamslam.robot.journal import Journal
+    from teamslam.robot.link.zenoh import ZenohLink
+    from teamslam.robot.peer import Peer
+    from teamslam.robot.rows import head_of
+
+    ended = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: ended.set())
+    (out / "submaps").mkdir(parents=True, exist_ok=True)
+    robot, told = address.robot, 0
+    with (
+        Journal(out / "journal.db", head_of(dataset, robot)) as journal,
+        PoseFile(out / "poses.csv", dataset.names, dataset.robots[robot]) as poses,
+    ):
+        memory = journal.recall()
+        start = begun(dataset, robot, options, memory)
+        link = ZenohLink(address)
+
+        def report(driver: Driver) -> None:
+            nonlocal told
+            for now in driver.member.told[told:]:
+                poses.add(now)
+            told = len(driver.member.told)
+            with whole_file(out / "status.json") as file:
+                file.write(json.dumps(driver.status(dataset.names) | {"dropped": link.dropped}, indent=1).encode())
+
+        peer = Peer(robot).with_bodies(memory.bodies)
+        driver = Driver(Member(start, peer, link), journal, report, ended.is_set, kept=set(peer.bodies))
+        rest = (row for row in replayed(dataset, robot) if row[0] >= start.newest * dataset.names.tick_s)
+        whole = driver.drive(rest, speed)
+        link.close()
+    for submap in driver.member.mapper.atlas.submaps:
+        write_submap(submap, out / "submaps" / file_name(submap))
+    made = joined(driver.member.peer.held)
+    if made is not None:
+        write_submaps([component.map for component in made.components], out / "maps")
+    for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
+        complain(trouble)
+    return 0 if whole and not memory.damaged and not journal.trouble else 1
+
+
+def convoy(
+    log: Path, dataset: "Dataset", numbers: Sequence[int], out: Path, extra: Sequence[str], kill: int, seed: int
+) -> dict[str, Any]:
+    """A process for each robot of a log, over sockets of this machine with certificates, until all hold the same; so
+    often as `kill` says one is killed on the way, and started anew. The last status of each."""
+    import numpy as np
+
+    from teamslam.robot.link.keys import make_certificates
+
+    make_certificates(out / "secrets", numbers)
+    places = {number: f"127.0.0.1:{_free_port()}" for number in numbers}
+    processes = {number: _started(log, dataset, number, places, out, extra) for number in numbers}
+    rng, quiet_since = np.random.default_rng(seed), time.monotonic()
+    kills, next_kill = kill, time.monotonic() + float(rng.uniform(2.0, 4.0))
+    try:
+        while True:
+            time.sleep(0.2)
+            status = {number: status_of(out / dataset.names.robot(number)) for number in numbers}
+            if kills and time.monotonic() > next_kill:
+                victim = int(rng.choice(numbers))
+                processes[victim].kill()
+                processes[victim].wait()
+                processes[victim] = _started(log, dataset, victim, places, out, extra)
+                kills, next_kill = kills - 1, time.monotonic() + float(rng.uniform(2.0, 4.0))
+            parked = all(s.get("parked") for s in status.values()) and not kills
+            if not parked:
+                quiet_since = time.monotonic()
+            same = parked and len({s["root"] for s in status.values()}) == 1
+            if same or time.monotonic() - quiet_since > 60.0 or any(p.poll() is not None for p in processes.values()):
+                return {dataset.names.robot(number): s for number, s in status.items()}
+    finally:
+        for process in processes.values():
+            process.send_signal(signal.SIGTERM)
+        for process in processes.values():
+            process.wait(timeout=60.0)
+
+
+def status_of(folder: Path) -> dict[str, Any]:
+    """What a robot last said of itself; nothing where it said nothing yet."""
+    try:
+        found: dict[str, Any] = json.loads((folder / "status.json").read_text(encoding="utf-8"))
+        return found
+    except (OSError, ValueError):
+        return {}
+
+
+def _started(
+    log: Path, dataset: "Dataset", number: int, places: dict[int, str], out: Path, extra: Sequence[str]
+) -> "subprocess.Popen[bytes]":
+    name = dataset.names.robot(number)
+    folder = out / name
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "teamslam", "robot", str(log), "--robot", name, "--out", str(folder), "--resume"]
+    command += ["--listen", places[number], "--certificates", str(out / "secrets"), *extra]
+    command += ["--connect", *(place for other, place in places.items() if other != number)]
+    command += ["--members", *map(str, places)]
+    with (folder / "output.txt").open("ab") as output:
+        return subprocess.Popen(command, stdout=output, stderr=output, env={**os.environ, "OMP_NUM_THREADS": "1"})
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,89 @@
+"""A robot in a process of its own among others: it drives in real time, talks over a network, and keeps a journal.
+
+    rows at their time ─ step ─ close ─ map ─┐
+    packets ─────────────────────────────────┴─ journal ─ peer ─ packets
+
+What others are told is on the disk before. When its rows have ended it goes on talking until it is told to leave.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from time import monotonic, sleep
+from typing import Any
+
+from teamslam.fleet import Member
+from teamslam.model import Names, Table
+from teamslam.robot.journal import Journal
+from teamslam.robot.peer import EVERYONE
+
+BEAT_S = 0.02  # between two looks at the link
+STATUS_S = 0.5  # between two reports
+
+
+@dataclass
+class Driver:
+    """A member of a team with its journal; `report` is called now and then, `leave` says when it is to end."""
+
+    member: Member
+    journal: Journal
+    report: Callable[["Driver"], None] = lambda driver: None
+    leave: Callable[[], bool] = lambda: False
+    parked: bool = False
+    kept: set[bytes] = field(default_factory=set)
+    reported_s: float = -1e300
+
+    def drive(self, arrivals: Iterable[tuple[float, list[Table]]], speed: float | None) -> bool:
+        """All rows at their time (at once where `speed` is None), and on until it is to leave. False where it left
+        before its rows had ended."""
+        began, first = monotonic(), None
+        for stamp, tables in arrivals:
+            first = stamp if first is None else first
+            due = began + (stamp - first) / speed if speed is not None else began
+            self.beat()
+            while monotonic() < due and not self.leave():
+                sleep(min(BEAT_S, max(0.0, due - monotonic())))
+                self.beat()
+            if self.leave():
+                return False
+            self.member.drive(tables)
+            self.journal.step(self.member.robot)
+        self.member.park()
+        self.parked = True
+        while not self.leave():
+            self.beat()
+            sleep(BEAT_S)
+        self.beat()
+        return True
+
+    def beat(self) -> None:
+        """Hear, write down, say."""
+        self._keep()
+        self.member.talk(monotonic(), self._keep)
+        if monotonic() - self.reported_s >= STATUS_S or self.leave():
+            self.reported_s = monotonic()
+            self.report(self)
+
+    def _keep(self) -> None:
+        bodies = self.member.peer.bodies
+        if fresh := [digest for digest in bodies if digest not in self.kept]:
+            self.journal.bodies(bodies[digest].data for digest in fresh)
+            self.kept.update(fresh)
+
+    def status(self, names: Names) -> dict[str, Any]:
+        """How it stands, for people and for whoever watches it."""
+        peer, robot = self.member.peer, self.member.robot
+        now = robot.now
+        return {
+            "robot": names.robot(robot.number),
+            "parked": self.parked,
+            "at": names.describe(now.key) if now is not None else None,
+            "rows": {"taken": robot.counts.taken, "repeated": robot.counts.repeated, "late": robot.counts.late},
+            "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries],
+            "root": peer.root.hex(),
+            "missing": len(peer.missing),
+            "refused_packets": dict(peer.refused),
+            "journal": self.journal.trouble,
+            "links": {
+                "all" if to == EVERYONE else names.robot(to): vars(line.sent) for to, line in sorted(peer.lines.items())
+            },
+        }
