@@ -42,6 +42,8 @@ def test_in_processes_over_sockets_it_is_the_offline_map_though_robots_are_kille
     report = json.loads((tmp_path / "team" / "report.json").read_text())
     assert report["maps_equal"] and report["equal_to_offline"] and report["online_position_rmse_m"] < 0.5
     assert {name: robot["rows"]["late"] for name, robot in report["robots"].items()} == {"1": 0, "2": 0, "3": 0}
+    said = teamslam("status", tmp_path / "team")
+    assert said.code == 0 and said.out.count("parked") == 3
     offline = SubmapSet.of(*(build(piece) for piece in split(read(log), poses_per_piece=9))).join()
     for folder in ("maps", "1/maps", "2/maps", "3/maps"):
         assert [canonical(m) for m in read_submaps(tmp_path / "team" / folder)] == [canonical(offline.map)]
@@ -61,3 +63,8 @@ def test_links_that_cannot_be_are_refused(
 ) -> None:
     called = teamslam("team", log, "--out", tmp_path / "out", *extra)
     assert called.code == 2 and says in called.err and not (tmp_path / "out").exists()
+
+
+def test_where_no_robot_wrote_there_is_no_status(teamslam, tmp_path: Path) -> None:
+    called = teamslam("status", tmp_path)
+    assert called.code == 2 and "no robot has written one" in called.err

@@ -24,6 +24,7 @@ from teamslam.cli.run import run
 from teamslam.cli.score import score
 from teamslam.cli.simulate import simulate
 from teamslam.cli.split import split
+from teamslam.cli.status import status
 from teamslam.cli.team import team
 from teamslam.cli.view import view
 from teamslam.cli.voice import spoken
@@ -50,7 +51,7 @@ Shell completion: `teamslam --install-completion`.
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
 app.register_install_completion_command(help="Install completion of commands and options for this shell.")
 STORY = (demo, run, simulate, convert, info, score, plot, view, paper)
-PARTS = (split, build, join, exchange, robot, team, keys)
+PARTS = (split, build, join, exchange, robot, team, status, keys)
 for command in (*STORY, *PARTS):
     app.command(spoken(command))
 

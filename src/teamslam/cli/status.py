@@ -1,0 +1,56 @@
+"""`teamslam status`: how the robots of a team stand."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+
+def status(folders: tuple[Path, ...], /) -> int:
+    """Who is alive, who holds what and lacks what, what went over the links, and what is wrong.
+
+    ```
+    teamslam status robot-3
+    teamslam status team
+    ```
+
+    Exit codes: 0 all hold the same and nothing is wrong; 1 not so; 2 bad input or usage.
+
+    Parameters
+    ----------
+    folders
+        Folders that robots write (`teamslam robot --listen`), or folders of such (`teamslam team --sockets`).
+    """
+    from teamslam.cli.console import answer, table
+    from teamslam.cli.convoy import status_of
+    from teamslam.errors import InputError
+
+    robots: list[dict[str, Any]] = []
+    for folder in folders:
+        files = [folder / "status.json", *sorted(folder.glob("*/status.json"))]
+        found = [status_of(f.parent) | {"age_s": time.time() - f.stat().st_mtime} for f in files if f.exists()]
+        if not found:
+            raise InputError("there is no status.json here or one folder deeper: no robot has written one", path=folder)
+        robots += found
+    same = len({robot.get("root") for robot in robots}) == 1
+    table(
+        "robots",
+        ["robot", "said [s ago]", "at", "submaps", "lacks", "sent", "refused", "wrong"],
+        [_row(robot) for robot in robots],
+        left=1,
+    )
+    answer(robots)
+    return 0 if same and not any(robot.get("journal") or robot.get("refused_packets") for robot in robots) else 1
+
+
+def _row(robot: dict[str, Any]) -> list[str]:
+    links = robot.get("links", {}).values()
+    return [
+        str(robot.get("robot", "?")),
+        f"{robot['age_s']:.0f}",
+        (robot.get("at") or "nowhere yet") + (", parked" if robot.get("parked") else ""),
+        str(len(robot.get("holds", ()))),
+        str(robot.get("missing", "?")),
+        f"{sum(link['body_bytes'] + link['word_bytes'] for link in links):,}",
+        str(sum(robot.get("refused_packets", {}).values())),
+        robot.get("journal", ""),
+    ]
