@@ -11,9 +11,10 @@ from teamslam.model import Dataset, Table
 from teamslam.sim.scenario import Options, Robot, simulate_options
 from teamslam.sim.sense import Sensor
 from teamslam.trust.calibration.persistence import targets_of
+from teamslam.trust.calibration.rows import linearised, velocities
 
 Change = Callable[[Table, Array, Array], Table]
-SCALE, OFFSET_M = 0.03, 0.05
+SCALE, OFFSET_M, DELAY_S, CORRELATION = 0.03, 0.05, 0.05, 0.9
 
 
 def team(seed: int, model: str = "range_bearing", space: str = "2d", poses: int = 120) -> Dataset:
@@ -52,9 +53,28 @@ def long_steps(team: Dataset) -> Dataset:
     return planted(team, change)
 
 
-def misstated(team: Dataset, times: float) -> Dataset:
-    """Sightings whose standard deviations are stated so many times as large as they are."""
-    return planted(team, lambda t, h, e: t if t.source == "odometry" else replace(t, whitening=t.whitening / times))
+def misstated(team: Dataset, times: float, *, odometry: bool = False) -> Dataset:
+    """Sightings, or odometry, whose standard deviations are stated so many times as large as they are."""
+
+    def change(table: Table, h: Array, e: Array) -> Table:
+        return replace(table, whitening=table.whitening / times) if (table.source == "odometry") == odometry else table
+
+    return planted(team, change)
+
+
+def late(team: Dataset, delay_s: float) -> Dataset:
+    """Sightings of what was to be seen a moment before their stamps, to first order."""
+    truth, names = team.truth, team.names
+    assert truth is not None
+    speeds = velocities(truth, truth.layout, names)
+
+    def change(table: Table, h: Array, e: Array) -> Table:
+        if table.source == "odometry":
+            return table
+        ((_, jacobian),) = linearised([table], truth, np.zeros(0, np.int64), names)
+        return replace(table, values=table.row.plus(h, e - delay_s * (jacobian @ speeds).reshape(e.shape), table.dim))
+
+    return planted(team, change)
 
 
 def persistent(team: Dataset, correlation: float) -> Dataset:
@@ -72,3 +92,16 @@ def persistent(team: Dataset, correlation: float) -> Dataset:
         return replace(table, values=table.row.plus(h, errors, table.dim))
 
     return planted(team, change)
+
+
+FAULTS: dict[str, Callable[[Dataset, np.random.Generator], Dataset]] = {
+    "nothing": lambda log, rng: log,
+    "sightings' sigmas stated a third of what they are": lambda log, rng: misstated(log, 1.0 / 3.0),
+    "sightings' sigmas stated three times what they are": lambda log, rng: misstated(log, 3.0),
+    "odometry's sigmas stated a third of what they are": lambda log, rng: misstated(log, 1.0 / 3.0, odometry=True),
+    "errors of sightings with correlation 0.9 at 1 s": lambda log, rng: persistent(log, CORRELATION),
+    "range offset of 5 cm deviation, a robot": lambda log, rng: offset(log, rng)[0],
+    "sightings 50 ms late": lambda log, rng: late(log, DELAY_S),
+    "odometry 3 % too long": lambda log, rng: long_steps(log),
+}
+"""What can be wrong with a log, by name."""

@@ -86,7 +86,7 @@ class Linear:
 def linear_at(at: AtMap) -> Linear:
     """The rows of a log at a map. Raises SolveError where they do not determine it."""
     free, names, values = at.gap.system.free, at.joined.names, at.values
-    velocity = None if names.counts else _velocities(values, free, names)
+    velocity = None if names.counts else velocities(values, free, names)
     both = linearised(at.tables, values, held_at(at), names)
     errors, jacobians, columns = [], [], []
     for place, (table, (error, jacobian)) in enumerate(zip(at.tables, both, strict=True)):
@@ -135,7 +135,7 @@ def linearised(
     return [(system.whitened(k, values), system.jacobian(k, values)) for k in range(len(bare))]
 
 
-def _velocities(values: Values, free: Layout, names: Names) -> Array:
+def velocities(values: Values, free: Layout, names: Names) -> Array:
     """How fast every unknown changes along the robots' ways (unknowns,): of poses by their neighbours in time, of what
     stands still zero."""
     out = np.zeros(free.dof)
