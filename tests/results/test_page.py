@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,7 +72,15 @@ def test_long_logs_are_thinned_and_it_says_so(record: Record, monkeypatch: pytes
 
 def test_a_run_read_back_draws_the_same_map(record: Record) -> None:
     """A record without residuals, as `read_run` gives it, still has a page: without sightings and residuals."""
-    from dataclasses import replace
-
     bare = drawn(replace(record, rows=()))
     assert bare["rows"] == [] and bare["parts"] == drawn(record)["parts"]
+
+
+def test_systematic_errors_stand_in_a_table(record: Record) -> None:
+    """Of a run that was calibrated, a row each; of others there is no such table."""
+    known = {"robot": "1", "source": "landmarks", "model": "range_bearing", "term": "clock", "unit": "s"}
+    error = {**known, "value": 0.0512, "sigma": 0.002, "prior": 0.1}
+    calibrated = replace(record, report={**record.report, "calibration": {"sentences": [], "systematic": [error]}})
+    tables = {table.title: table for table in page_of(calibrated, Config()).tables}
+    assert tables["Calibration"].rows == [["1", "landmarks", "clock", "0.0512", "0.002", "0.1", "s"]]
+    assert all(table.title != "Calibration" for table in page_of(record, Config()).tables)

@@ -13,7 +13,7 @@ def table_html(table: Table) -> str:
     inside = f'<div class="wide"><table><thead><tr>{_heads(table)}</tr></thead><tbody>'
     inside += "".join(_rows(table)) + "</tbody></table></div>"
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
-    kind = ' class="full"' if len(table.columns) > 7 else ""
+    kind = ' class="full"' if len(table.columns) > 6 else ""
     if table.folded:
         title = f"{escape(table.title)} ({len(table.rows):,})"
         return f"<details{kind}><summary>{title}</summary>{note}{inside}</details>"

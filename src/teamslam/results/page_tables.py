@@ -29,6 +29,7 @@ def tables_of(record: Record, truths: Sequence[Values | None], start_s: float) -
         _sensors(record),
         _by_landmark(record),
         _worst(record, start_s),
+        _calibration(record.report),
         _left_out(record.report),
         _parts(record.report),
         _landmarks(record, truths),
@@ -140,6 +141,16 @@ def _worst(record: Record, start_s: float) -> Table:
 def _largest(part: Residuals) -> np.ndarray:
     count = min(WORST, len(part.size))
     return np.argpartition(-part.size, count - 1)[:count] if count else np.zeros(0, np.int64)
+
+
+def _calibration(report: Report) -> Table:
+    """What was wrong with the sensors, clocks among it, as far as the data show it."""
+    rows = [
+        [e["robot"], e["source"], e["term"], f"{e['value']:.3g}", f"{e['sigma']:.2g}", f"{e['prior']:.2g}", e["unit"]]
+        for e in (report.get("calibration") or {}).get("systematic", [])
+    ]
+    columns = ("robot", "sensor", "systematic error", "value", "sigma", "before", "unit")
+    return Table("Calibration", columns, rows, "Before: the standard deviation it was given before the data spoke.")
 
 
 def _left_out(report: Report) -> Table:
