@@ -114,11 +114,20 @@ def _unknowns(kind: Kind, end: Pose | Array) -> tuple[list[int], list[int]]:
 
 def whitened(tables: Sequence[Table], matrix: Array) -> Array:
     """W times the rows of a Jacobian."""
+    return _times([t.whitening for t in tables], tables, matrix)
+
+
+def _measured(tables: Sequence[Table], matrix: Array) -> Array:
+    """The rows of a Jacobian, each without the directions of its residual that it knows to no finite sigma."""
+    return _times([np.linalg.pinv(t.whitening, rcond=1e-14) @ t.whitening for t in tables], tables, matrix)
+
+
+def _times(factors: Sequence[Array], tables: Sequence[Table], matrix: Array) -> Array:
     parts, at = [], 0
-    for table in tables:
+    for factor, table in zip(factors, tables, strict=True):
         size = _size(table)
         block = matrix[at : at + size].reshape(len(table), -1, matrix.shape[1])
-        parts.append((table.whitening @ block).reshape(size, -1))
+        parts.append((factor @ block).reshape(size, -1))
         at += size
     return np.concatenate(parts or [matrix])
 
@@ -153,7 +162,7 @@ class Oracle:
         """The open directions (dof, k), and a root S (dof, m) of the covariance of the rest: S S' = pinv(J'J)."""
         if self.truth.layout.dof > DENSE:
             raise TooLarge
-        plain = jacobian(self.tables, self.truth)
+        plain = _measured(self.tables, jacobian(self.tables, self.truth))
         squares, directions = np.linalg.eigh(plain.T @ plain)
         loose = squares <= OPEN * max(float(squares.max(initial=0.0)), 1.0)
         held = directions[:, ~loose]

@@ -219,6 +219,11 @@ class Pose:
         rotation[..., 2, 2] = 1.0
         return Pose(rotation, np.concatenate([self.translation, np.zeros((*self.batch, 1))], -1))
 
+    def onto(self, dim: int) -> "Pose":
+        """The same pose in a space of `dim`: lifted, or where it has more dimensions than that its shadow on the
+        ground."""
+        return Pose.from_xytheta(self.xytheta()) if dim < self.dim else self.lift(dim)
+
 
 def lift_tangent(dim_from: int, dim_to: int) -> Array:
     """E with (X (+) d).lift = X.lift (+) E d: the identity, or the 6 x 3 selection [x, y, yaw]."""

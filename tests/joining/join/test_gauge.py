@@ -7,7 +7,7 @@ import teamslam as ts
 from teamslam.config import Config, JoinOptions, SplitOptions
 from teamslam.joining import ORDERS, Joined, build, join, split
 from teamslam.model import WORLD, Dataset
-from worlds import WORLDS, measure, team
+from worlds import WORLDS, measure, mixed_team, team
 
 SIGMA = 0.02
 
@@ -36,6 +36,17 @@ def test_rows_of_the_world_wait_until_what_is_joined_holds_the_frame(world: str,
     """Each piece alone has one position or two: in space no piece knows how it is turned, the team does."""
     log = surveyed(team(world, robots=2, sigma=SIGMA, sigma_odometry=SIGMA), 3)
     joined = ORDERS[order](build(piece) for piece in split(log, poses_per_piece=4))
+    assert len(joined.components) == 1 and not joined.map.raw
+    assert error(joined, log) < 30.0 * SIGMA
+
+
+@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("robot", [1, 2])
+def test_a_robot_of_a_plane_joins_a_map_of_the_world(robot: int, order: str) -> None:
+    """A planar robot and one in space, one of which knows the world before it meets the other: in
+    whatever order, the map is in the world's frame and near the truth."""
+    log = surveyed(mixed_team(SIGMA), 3, (robot,))
+    joined = ORDERS[order](build(piece) for piece in split(log, poses_per_piece=5))
     assert len(joined.components) == 1 and not joined.map.raw
     assert error(joined, log) < 30.0 * SIGMA
 

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from teamslam.geometry import Pose
 from teamslam.io.submaps.arrays import read_submap, write_submap
 from teamslam.joining import ORDERS, accounted, build, exact_join, full, join, split
-from teamslam.model import Dataset, Kind, Submap, Table, Values, is_landmark, landmark_key, pose_key
+from teamslam.joining.start.starts import driven_start, local_kinds
+from teamslam.model import Dataset, Kind, Submap, Table, Values, index_of, is_landmark, landmark_key, pose_key
 from worlds import WORLDS, measure, team
 
 SEEN = ("tags", "points", "both")
@@ -130,3 +131,14 @@ def test_submaps_from_files(tmp_path: Path) -> None:
         write_submap(submap, tmp_path / f"{number}.submap")
     back = [read_submap(tmp_path / f"{number}.submap") for number in range(len(submaps))]
     np.testing.assert_array_equal(join(back).map.values.state, join(submaps).map.values.state)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_start_part_by_part_waits_for_how_a_tag_is_turned(world: str) -> None:
+    """The first half of the way sees the places of tags alone: they are not put there as points, and none is lost."""
+    log = tagged(world, ("both",))
+    late = [t.select((index_of(t.keys[:, 0]) >= POSES // 2) == (t.source == "tags")) for t in log.tables[1:]]
+    found = driven_start(log.with_tables([log.tables[0], *late]), 1, [log.tables[0], *late])
+    kinds = local_kinds(log.layout, log.robots[1])
+    assert found.layout.contains(landmark_key(np.arange(TAGS))).all()
+    np.testing.assert_array_equal(found.layout.kinds, kinds.kinds[kinds.index(found.layout.keys)])

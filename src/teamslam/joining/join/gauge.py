@@ -4,7 +4,7 @@ Positions and poses in the world (GPS, survey) fix the gauge themselves. The sta
 them. With too few of them (one position in the plane, fewer than three in space) the map is free to turn in the world:
 then it stays in the frame of its first pose, and what was measured in the world waits for what may come, or is told as
 left out in the end. Where one of the maps that are joined is written in the world's frame already, that frame is held,
-and all go there.
+and all go there; robots of a plane take the ground of the world for theirs.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 
 from teamslam.geometry import IntArray, Pose, align, lift_points
 from teamslam.joining.start.triangulate import kinds_of
-from teamslam.model import WORLD, Submap, Table, Values, is_landmark, point_kind
+from teamslam.model import WORLD, Kind, Submap, Table, Values, is_landmark, point_kind, pose_kind
 
 LEAST = 1e-6  # the rigidity of a fit below which it is free to turn
 
@@ -22,7 +22,7 @@ def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values
     """The start values in the frame of the joined map, the keys that are held fixed there (the gauge), and the tables
     that count: all of them, or those that were not measured in the world."""
     if start.layout.contains(WORLD):
-        return start.transform(start.pose(WORLD).inverse()), np.array([WORLD]), list(tables)
+        return _from_the_world(start), np.array([WORLD]), list(tables)
     absolute = [t for t in tables if t.row.unary]
     if not absolute:
         return start, np.array([root.base]), list(tables)
@@ -30,6 +30,15 @@ def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values
     if fit is None:
         return start, np.array([root.base]), [t for t in tables if not t.row.unary]
     return start.transform(fit), np.zeros(0, np.int64), list(tables)
+
+
+def _from_the_world(start: Values) -> Values:
+    """The start values as the world sees them; where some of them are of a plane, what of that plane's place in the
+    world has no place in the plane (height, tilt) is left to the solver."""
+    dim = min(Kind(kind).dim for kind in start.layout.kinds.tolist())
+    world = start.pose(WORLD)
+    moved = start.transform(world.onto(dim).inverse())
+    return moved.update(Values.of({pose_kind(world.dim): (np.array([WORLD]), Pose.identity(world.dim, (1,)))}))
 
 
 def in_the_world(fixed: IntArray) -> bool:

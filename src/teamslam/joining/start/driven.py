@@ -29,7 +29,8 @@ def driven(tables: Sequence[Table], way: Values, kinds: Layout, dim: int) -> Val
     """The way of a robot, and all that `tables` fix along it, part by part.
 
     `way` has every pose by dead reckoning, the first of which is the frame; `kinds` are those of the variables in the
-    robot's own frame, and `dim` is the robot's. What cannot be solved stays where it was put.
+    robot's own frame, and `dim` is the robot's. What cannot be solved stays where it was put. A target of which only
+    the place is known so far, and later how it is turned, waits until then.
     """
     keys = way.layout.keys
     reckoned = way.poses_of(keys, dim)
@@ -39,7 +40,8 @@ def driven(tables: Sequence[Table], way: Values, kinds: Layout, dim: int) -> Val
     for end in ends[ends > 1].tolist():
         values = values.update(_appended(values, keys, reckoned, begin, end, dim))
         known = [t.select(at < end) for t, at in zip(tables, latest, strict=True) if (at < end).any()]
-        values = _settled(triangulate(place_targets(values, known, kinds), known), known, keys[:1])
+        seen = triangulate(place_targets(values, known, kinds), known)
+        values = _settled(seen.select(seen.layout.kinds == kinds.kinds[kinds.index(seen.layout.keys)]), known, keys[:1])
         begin = end
     return values
 

@@ -49,9 +49,9 @@ def sightings(
         observer = values.poses_of(part.keys[:, 0], max(kind.dim, part.dim))
         if part.model == "corners":
             stands = concatenate([_voted(table, values, key) for key in part.keys[:, 1].tolist()])
-            seen: Pose | Array = _shadow_pose(stands, kind.dim)
+            seen: Pose | Array = stands.onto(kind.dim)
         elif whole_pose:
-            seen = _shadow_pose(observer @ measured_poses(part, observer.dim), kind.dim)
+            seen = (observer @ measured_poses(part, observer.dim)).onto(kind.dim)
         else:
             seen = observer.act(lift_points(measured_positions(part), observer.dim))[:, : kind.dim]
         found[kind] = (part.keys[:, 1], seen)
@@ -88,7 +88,3 @@ def measured_poses(table: Table, dim: int) -> Pose:
 def of_bodies(table: Table, measured: Pose) -> Pose:
     """A pose measured by a sensor, as seen from the observer's body."""
     return measured if table.sensor is None else table.sensor @ measured
-
-
-def _shadow_pose(pose: Pose, dim: int) -> Pose:
-    return pose if pose.dim == dim else Pose.from_xytheta(pose.xytheta())
