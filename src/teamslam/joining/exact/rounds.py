@@ -147,6 +147,9 @@ class _Team:
             history.append(ahead.told(share))
             if progress is not None:
                 progress(history[-1])
+            if not share and bend.retreat():
+                last = np.inf
+                continue  # curvature that leads nowhere here: the next round goes without
             if not share:
                 status = Status.FLAT if ahead.decrease <= self._unseen(ahead.cost) else Status.STUCK
                 break
