@@ -51,6 +51,7 @@ def wrong(team, tmp_path, old, new):
         ('odometry = "/odom"', "", "moves on the ground and needs odometry"),
         ('odometry = "/odom"', 'odometry = "/odometry"', "no topic /odometry; this recording has"),
         ('tags = "/camera/tags"', 'tags = "/odom"', "expected one of apriltag_msgs"),
+        ('tags = "/camera/tags"', 'images = "/camera/image"', "tags are not looked for in images yet"),
         ("/camera.json", "/camera.yaml", "cannot be read"),
         ("/robot0/", "/robot7/", "no such recording"),
         ("number = 100", "number = 101", "tag 101 is on robot0 and on robot0"),

@@ -70,7 +70,8 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True)
     before its stamp an image was taken."""
 
     name: str
-    tags: str
+    tags: str = ""
+    images: str = ""
     calibration: str
     calibration_name: str | None = None
     floor_px: float = 0.5
@@ -198,5 +199,11 @@ def _check(team: TeamFile) -> None:
         if robot.image_every_s < 0.0:
             raise InputError("image_every_s is 0 or more", field="robot.image_every_s")
         for camera in robot.camera:
+            if not camera.tags:
+                raise InputError(
+                    f"camera {camera.name} needs a topic of detections; tags are not looked for in images yet: run a "
+                    f"detector (apriltag_ros) on the recording, and name its topic",
+                    field="robot.camera.tags",
+                )
             if not (camera.floor_px >= 0.0 and camera.edge_px >= 0.0 and camera.floor_px + camera.edge_px > 0.0):
                 raise InputError("floor_px and edge_px are 0 or more, and not both 0", field="robot.camera.floor_px")
