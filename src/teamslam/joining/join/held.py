@@ -57,7 +57,8 @@ def _unweighted(optimum: Optimum) -> Covariances:
 
 def _poses(submaps: Sequence[Submap], optimum: Optimum) -> IntArray:
     """Some of their robots' own poses: those that rows between robots name, and others, evenly taken."""
-    own = np.unique(np.concatenate([s.keys[is_pose(s.keys) & np.isin(robot_of(s.keys), s.robots)] for s in submaps]))
+    robots = [(s, [*s.robots, int(robot_of(s.base))]) for s in submaps]  # an account of what went in may be missing
+    own = np.unique(np.concatenate([s.keys[is_pose(s.keys) & np.isin(robot_of(s.keys), who)] for s, who in robots]))
     named = np.intersect1d(own, np.concatenate([own[:1], *(t.keys.ravel() for t in optimum.used)]))
     return np.union1d(*(of[np.unique(np.linspace(0, len(of) - 1, FEW).astype(int))] for of in (own, named)))
 
