@@ -1,0 +1,27 @@
+"""Wrong sightings in words."""
+
+from collections.abc import Iterator
+
+from teamslam.model import index_of
+from teamslam.trust.cause import rows_called
+from teamslam.trust.outliers.decide import Decisions
+
+LARGER = 1.5  # times the stated noise, in variance, that is worth a word
+
+
+def sentences_on_sightings(found: Decisions) -> Iterator[str]:
+    """How many sightings of each sensor are wrong, and where the noise of the others is larger than stated."""
+    for sensor in found.sensors:
+        if not sensor.rejected and sensor.noise < LARGER:
+            continue
+        who = f"{sensor.rejected} of {sensor.rows} {rows_called(sensor.source)} of robot"
+        larger = f"; the noise of the others is {sensor.noise**0.5:.1f} times as large as stated"
+        yield f"{who} {found.names.robot(sensor.robot)}{larger if sensor.noise >= LARGER else ''}"
+    for place in found.open:
+        mark, who = found.names.landmark(int(index_of(place.mark))), found.names.robot(place.robot)
+        yield (
+            f"landmark {mark} is in one of two places for robot {who}, by {place.larger} or {place.smaller} sightings, "
+            f"and nobody else decides: the first was taken"
+        )
+    if found.undecided:
+        yield f"{found.undecided} sightings are of what is in no map, and could not be judged"
