@@ -21,11 +21,13 @@ from teamslam.model.keys import (
     is_landmark,
     is_parameter,
     is_pose,
+    is_unnamed,
     landmark_key,
     landmark_number,
     parameter_keys,
     pose_key,
     robot_of,
+    unnamed_key,
 )
 from teamslam.model.layout import Kind, Layout, among, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
@@ -62,6 +64,7 @@ __all__ = [
     "is_landmark",
     "is_parameter",
     "is_pose",
+    "is_unnamed",
     "is_whole",
     "key_asked",
     "landmark_asked",
@@ -80,6 +83,7 @@ __all__ = [
     "robot_names",
     "robot_of",
     "rows_of",
+    "unnamed_key",
     "unpack",
     "variances",
     "whitening",

@@ -2,6 +2,8 @@
 
     key = robot << 51 | index          a pose:     robot 1 .. 4095, index = time in ticks (or a plain count)
     key = number                       a landmark: 0 <= number < 2^51
+          3 << 49 | robot << 37 | row  one sighting of a landmark that nobody called by name: a landmark of its own,
+                                       until it is associated with others
     key < WORLD                        a parameter: systematic errors of the measurements of one submap
 
 A variable is named by who it is and when, never by its place in a vector: the pose of robot j at time t that robot i
@@ -22,6 +24,8 @@ INDEX_BITS = 51
 MAX_INDEX = (1 << INDEX_BITS) - 1
 MAX_ROBOT = (1 << 12) - 1
 WORLD = -1
+UNNAMED = 3 << 49  # to 2^51: keys of sightings without a name
+ROW_BITS = 37
 
 
 def pose_key(robot: int | AnyArray, index: int | AnyArray) -> IntArray:
@@ -45,13 +49,30 @@ def landmark_key(number: int | AnyArray) -> IntArray:
 def landmark_number(name: str) -> int:
     """The number of a landmark that people call `name`: the integer itself where it is one, else a hash of the name.
 
-    The hash (2^50 and above) is the same on every machine, so robots agree on it without talking.
+    The hash (2^50 to 3 * 2^49) is the same on every machine, so robots agree on it without talking.
     """
     text = name.strip()
     if text.isascii() and text.isdigit() and int(text) < 1 << (INDEX_BITS - 1):
         return int(text)
     digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
-    return (1 << (INDEX_BITS - 1)) | (int.from_bytes(digest, "little") & ((1 << (INDEX_BITS - 1)) - 1))
+    return (1 << (INDEX_BITS - 1)) | (int.from_bytes(digest, "little") & ((1 << (INDEX_BITS - 2)) - 1))
+
+
+def unnamed_key(robot: int, row: AnyArray) -> IntArray:
+    """The keys (m,) of a robot's sightings of landmarks without a name: each is a landmark of its own, so far.
+
+    Raises ModelError for rows from 2^37 on.
+    """
+    rows = np.asarray(row, np.int64)
+    if not 1 <= robot <= MAX_ROBOT or (rows.size and (rows.min() < 0 or rows.max() >= 1 << ROW_BITS)):
+        raise ModelError(f"a log has rows 0 to 2^{ROW_BITS} - 1 of robots 1 to {MAX_ROBOT}, found {rows.max()}")
+    return np.asarray(UNNAMED | np.int64(robot) << ROW_BITS | rows)
+
+
+def is_unnamed(keys: int | AnyArray) -> BoolArray:
+    """True where a key is a sighting of a landmark that nobody called by name."""
+    found = np.asarray(keys, np.int64)
+    return np.asarray((found >= UNNAMED) & (found <= MAX_INDEX))
 
 
 def robot_of(keys: int | AnyArray) -> IntArray:
@@ -124,6 +145,9 @@ class Names:
             return "the world frame"
         if is_parameter(key):
             return "a systematic error of its measurements"
+        if is_unnamed(key):
+            robot, row = int(key - UNNAMED) >> ROW_BITS, int(key) & ((1 << ROW_BITS) - 1)
+            return f"the unnamed landmark of row {row} of robot {in_words(self.robot(robot))}"
         if not is_pose(key):
             return f"landmark {in_words(self.landmark(int(index_of(key))))}"
         when = f"pose {int(index_of(key))}" if self.counts else f"{int(index_of(key)) * self.tick_s:.3f} s"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.io.files.grid import Words, decoded
 
 
@@ -39,6 +39,18 @@ class Csv:
         if "" in column:
             raise self.fail(list(column).index(""), "empty; every row needs it", name)
         return Words.of(column)
+
+    def given(self, name: str) -> BoolArray:
+        """Where a column of names is not empty (n,)."""
+        column = self._column(name)
+        if isinstance(column, Words | np.ndarray):
+            return np.ones(len(self), bool)
+        return np.array([cell != "" for cell in column], bool)
+
+    def given_words(self, name: str) -> Words:
+        """The names in a column where it is not empty, in order."""
+        column = self._column(name)
+        return column if isinstance(column, Words) else Words.of([cell for cell in column if cell != ""])
 
     def numbers(self, *names: str) -> Array:
         """Columns as finite numbers (n, len(names)). InputError where one is missing, no number, or not finite."""

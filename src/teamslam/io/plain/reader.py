@@ -30,9 +30,10 @@ from teamslam.io.plain.columns import (
 from teamslam.io.plain.known import read_known
 from teamslam.io.plain.roster import NAMED, Roster
 from teamslam.io.plain.schema import FILE, STREAMS, Log, Team, read_team
-from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, is_landmark, pose_key, robot_of
+from teamslam.model import MODELS, Dataset, Dropped, Loss, Table, is_landmark, pose_key, robot_of, unnamed_key
 
 SENSOR_KEYS = ("x", "y", "z", "theta", "qw", "qx", "qy", "qz")
+ROWS_OF_A_FILE = 30  # bits: files of one robot count their rows apart
 KEY_COLUMNS = ("robot", "observer", "from_stamp", "to_stamp", "stamp", "landmark", "other", "other_stamp", "id")
 
 
@@ -98,19 +99,21 @@ def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], l
                 )
             streams += _read_streams(csv, log, team, roster)
         else:
-            tables += _read_tables(csv, log, team, roster, taken)
+            tables += _read_tables(csv, log, team, roster, taken, place)
             notes += notes_of_angles(csv, log.model, tables[-1].dim) if len(csv) else []
     return tables, streams, notes
 
 
-def _read_tables(csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tuple[int, str], int]) -> list[Table]:
-    """A file of increments, sightings or fixes."""
+def _read_tables(
+    csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tuple[int, str], int], place: int
+) -> list[Table]:
+    """A file of increments, sightings or fixes: the one at a `place` in team.toml."""
     planar = all(dim == 2 for dim in roster.dims.values())
     dim = dim_of(csv, log.model, log.dim, 2 if planar else 3)
     noise = components(log.model, dim)
     csv.refuse_others([*KEY_COLUMNS, *value_columns(log.model, dim), *noise_columns(noise)])
     robots = _robots(csv, log, roster)
-    keys, source = _keys(csv, log, team, roster, robots)
+    keys, source = _keys(csv, log, team, roster, robots, place)
     values = read_values(csv, log.model, dim)
     whitening = read_noise(csv, noise, log.sigma, log.covariance)
     given_ids = csv.numbers("id")[:, 0] if csv.has("id") else None
@@ -212,7 +215,7 @@ def _speakers(log: Log, roster: Roster, robots: IntArray) -> list[int]:
     return [number for number in roster.entries if number in said]
 
 
-def _keys(csv: Csv, log: Log, team: Team, roster: Roster, robots: IntArray) -> tuple[IntArray, str]:
+def _keys(csv: Csv, log: Log, team: Team, roster: Roster, robots: IntArray, place: int) -> tuple[IntArray, str]:
     """Observer and target of each row, and what the log is called if nobody says."""
     unary = MODELS[log.model].unary
     observers = roster.robots(csv, "observer") if csv.has("observer") else robots
@@ -223,7 +226,7 @@ def _keys(csv: Csv, log: Log, team: Team, roster: Roster, robots: IntArray) -> t
             path=csv.path, line=1,
         )  # fmt: skip
     if csv.has("landmark"):
-        target, source = roster.landmarks(csv), "fixes" if unary else "landmarks"
+        target, source = _landmarks(csv, roster, robots, place, unary), "fixes" if unary else "landmarks"
     elif csv.has("other"):
         stamp = "other_stamp" if csv.has("other_stamp") else "stamp"
         target, source = pose_key(roster.robots(csv, "other"), ticks_of(csv, stamp, team.tick_s)), "robots"
@@ -246,6 +249,18 @@ def _keys(csv: Csv, log: Log, team: Team, roster: Roster, robots: IntArray) -> t
     if len(itself):
         raise csv.fail(int(itself[0]), "a pose cannot be measured from itself; check robot and stamps")
     return np.stack([observer, target], -1), source
+
+
+def _landmarks(csv: Csv, roster: Roster, robots: IntArray, place: int, unary: bool) -> IntArray:
+    """The landmarks that rows are of; a sighting with an empty cell there is of one that nobody called by name."""
+    target = roster.landmarks(csv)
+    bare = np.flatnonzero(target < 0)
+    if len(bare) and unary:
+        raise csv.fail(int(bare[0]), "empty; a landmark that is surveyed needs a name", "landmark")
+    for robot in np.unique(robots[bare]).tolist():
+        rows = bare[robots[bare] == robot]
+        target[rows] = unnamed_key(robot, (place << ROWS_OF_A_FILE) + rows)
+    return target
 
 
 def _check_order(csv: Csv, keys: IntArray) -> None:

@@ -54,9 +54,11 @@ class Roster:
         return np.array([self._robots[word] for word in words.names], np.int64)[words.codes]
 
     def landmarks(self, csv: Csv) -> IntArray:
-        """The column `landmark` as keys (m,)."""
-        words = csv.words("landmark")
-        return landmark_key(np.array([self._number_of(word) for word in words.names], np.int64)[words.codes])
+        """The column `landmark` as keys (m,); -1 where it is empty: nobody said which landmark it is."""
+        words, keys = csv.given_words("landmark"), np.full(len(csv), -1)
+        numbers = np.array([self._number_of(word) for word in words.names], np.int64)
+        keys[csv.given("landmark")] = landmark_key(numbers[words.codes])
+        return keys
 
     def _number_of(self, name: str) -> int:
         if name not in self._landmarks:

@@ -12,7 +12,7 @@ import numpy as np
 import tomli_w
 
 from teamslam.errors import InputError
-from teamslam.geometry import Array, IntArray, Pose
+from teamslam.geometry import Array, BoolArray, IntArray, Pose
 from teamslam.io.plain.columns import (
     POINT,
     POSE,
@@ -36,6 +36,7 @@ from teamslam.model import (
     index_of,
     is_landmark,
     is_pose,
+    is_unnamed,
     landmark_number,
     robot_of,
 )
@@ -150,7 +151,7 @@ def _key_columns(table: Table, names: Names) -> dict[str, list[str]]:
     elif (robot_of(target) == table.robot).all():
         return {"stamp": _stamps(target, names)}
     if is_landmark(target).all():
-        return columns | {"landmark": _landmarks(target, names)}
+        return columns | {"landmark": _named_landmarks(target, names)}
     return columns | {"other": _robots(target, names), "other_stamp": _stamps(target, names)}
 
 
@@ -186,7 +187,8 @@ def _landmark_numbers(dataset: Dataset) -> dict[str, int]:
     names = dataset.names
     keys = [dataset.landmark_keys, np.array(sorted(names.landmarks), np.int64)]
     keys += [v.layout.keys[is_landmark(v.layout.keys)] for v in (dataset.truth, dataset.initial) if v is not None]
-    numbers = np.unique(np.concatenate(keys)).tolist()
+    known = np.unique(np.concatenate(keys))
+    numbers = known[~_bare(known, names)].tolist()
     called = {number: names.landmark(number) for number in numbers}
     _check_names(list(called.values()), "landmarks")
     seen = set(dataset.landmark_keys.tolist())
@@ -204,6 +206,16 @@ def _check_names(names: Sequence[str], noun: str) -> None:
 
 def _robots(keys: IntArray, names: Names) -> list[str]:
     return [names.robot(number) for number in robot_of(keys).tolist()]
+
+
+def _named_landmarks(keys: IntArray, names: Names) -> list[str]:
+    """Names of landmarks; nothing for one that nobody called by name."""
+    return ["" if b else name for b, name in zip(_bare(keys, names).tolist(), _landmarks(keys, names), strict=True)]
+
+
+def _bare(keys: IntArray, names: Names) -> BoolArray:
+    """Which keys are of landmarks that nobody called by name."""
+    return np.asarray(is_unnamed(keys) & ~np.isin(keys, list(names.landmarks)))
 
 
 def _landmarks(keys: IntArray, names: Names) -> list[str]:

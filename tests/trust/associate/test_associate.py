@@ -1,0 +1,170 @@
+"""Landmarks without names, on teams whose names were taken away: who is who is found out, or said to be open."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from teamslam.geometry import Pose
+from teamslam.io import read, write
+from teamslam.metrics import score
+from teamslam.model import Dataset, is_landmark, is_unnamed, unnamed_key
+from teamslam.pipeline import run
+from teamslam.sim import Options, Robot, Sensor, World, observe, simulate
+from teamslam.trust.associate import Associated, associate
+from teamslam.trust.associate.across import Constellation, motions
+
+ALONE = Robot(robots=None)  # sees no other robot
+
+
+def nameless(log: Dataset, keep: int = 0) -> Dataset:
+    """The log without the names of its landmarks, but for those whose number is below `keep`."""
+    tables = []
+    for table in log.tables:
+        bare = is_landmark(table.keys[:, -1]) & (table.keys[:, -1] >= keep)
+        keys = table.keys.copy()
+        keys[bare, -1] = unnamed_key(table.robot, table.ids[bare])
+        tables.append(replace(table, keys=keys))
+    return log.with_tables(tables)
+
+
+def compared(log: Dataset, found: Associated) -> tuple[np.ndarray, np.ndarray]:
+    """Of every sighting that was kept the true landmark, and the one that it was given."""
+    known = {(t.robot, t.source, n): k for t in log.tables for n, k in zip(t.ids.tolist(), t.keys[:, -1], strict=True)}
+    true, given = [], []
+    for table in found.dataset.tables:
+        for number, key in zip(table.ids.tolist(), table.keys[:, -1].tolist(), strict=True):
+            if is_landmark(key):
+                true.append(known[table.robot, table.source, number])
+                given.append(key)
+    return np.array(true), np.array(given)
+
+
+def precision(true: np.ndarray, given: np.ndarray) -> float:
+    """The share of sightings that are with most of their own."""
+    right = [np.unique(true[given == key], return_counts=True)[1].max() for key in np.unique(given)]
+    return sum(right) / len(true)
+
+
+def small(space: str, robots: Robot = ALONE, **more: object) -> Options:
+    """Two robots among a dozen landmarks, whose start poses nobody knows."""
+    return Options(space=space, robots=2, poses=25, landmarks=12, team=(robots,), side_m=9.0, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("space", ["2d", "planar", "3d"])
+def test_names_are_found_out(space: str, seed: int) -> None:
+    """Within each way and across ways that nothing but their constellations ties."""
+    log = simulate(small(space), seed=seed)
+    found = associate(nameless(log))
+    true, given = compared(log, found)
+    assert precision(true, given) >= 0.99
+    assert len(true) >= 0.9 * sum(int(is_landmark(t.keys[:, -1]).sum()) for t in log.tables)
+    assert len(np.unique(given)) == len(np.unique(true)) == found.landmarks
+    assert not found.rivals
+    rows = sum(map(len, log.tables))
+    assert rows == sum(map(len, found.dataset.tables)) + sum(d.count for d in found.dataset.dropped)
+
+
+def test_the_map_is_as_good_as_with_names() -> None:
+    """Robots' positions, against the truth."""
+    log = simulate(small("2d"), seed=3)
+    with_names, without = run(log), run(nameless(log))
+    assert len(without.joined.components) == 1
+    mine, best = (score(r.map, log.truth).accuracy.robot_position_rmse_m for r in (without, with_names))
+    assert mine <= 1.2 * best
+
+
+def test_some_with_names_and_some_without() -> None:
+    """Names are kept, and lent to what is the same."""
+    log = simulate(small("2d"), seed=1)
+    bare = nameless(log, keep=4)
+    half = bare.with_tables(
+        replace(t, keys=np.where(is_unnamed(t.keys), t.keys, nameless(log).tables[n].keys))
+        if t.robot == 2 and t.source == "landmarks"
+        else t
+        for n, t in enumerate(bare.tables)
+    )
+    found = associate(half)
+    true, given = compared(log, found)
+    assert precision(true, given) >= 0.99
+    for label in range(4):
+        of_one = given[true == label]
+        assert np.mean(of_one == label) > 0.95
+
+
+def test_a_log_with_names_is_left_as_it_is() -> None:
+    log = simulate(small("2d"), seed=1)
+    assert associate(log).dataset is log
+
+
+def grid(side: int) -> Pose:
+    """Landmarks on a grid, alike in every direction."""
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(side) * 2.0, np.arange(side) * 2.0))
+    return Pose(np.tile(np.eye(2), (len(x), 1, 1)), np.stack([x, y], -1) - (side - 1.0))
+
+
+def test_a_repeated_pattern_is_left_open_and_said() -> None:
+    """A square grid fits itself in four ways: nobody may take one of them silently."""
+    xytheta = np.stack([np.linspace(-3, 3, 25), np.zeros(25), np.zeros(25)], -1)
+    turned = np.stack([np.zeros(25), np.linspace(-3, 3, 25), np.full(25, np.pi / 2)], -1)
+    world = World({1: Pose.from_xytheta(xytheta), 2: Pose.from_xytheta(turned)}, grid(4))
+    eye = Robot(robots=None, landmarks=Sensor("range_bearing", range_m=12.0))
+    log = observe(world, {1: eye, 2: eye}, 0)
+    found = associate(nameless(log))
+    true, given = compared(log, found)
+    assert precision(true, given) >= 0.99  # within each way all is clear
+    assert len(found.rivals) == 1
+    assert len(found.rivals[0].motions) >= 4
+    odds = [motion.odds for motion in found.rivals[0].motions]
+    assert max(odds) < 0.9
+    assert sum(odds) <= 1.0 + 1e-9
+    assert any("may lie to each other" in note for note in found.dataset.notes)
+
+
+def test_false_alarms_are_of_no_landmark() -> None:
+    """And are counted."""
+    sensor = Sensor("range_bearing", sigma_m=0.05, sigma_rad=0.01, outliers=0.05)
+    log = simulate(small("2d", Robot(landmarks=sensor, robots=None)), seed=4)
+    found = associate(nameless(log))
+    true, given = compared(log, found)
+    assert precision(true, given) >= 0.98
+    assert found.strangers > 0
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_constellations_are_matched_however_they_lie(dim: int) -> None:
+    """Against the motion and the pairs that were planted, strangers among them; a mirror image is refused."""
+    rng = np.random.default_rng(dim)
+    places = rng.uniform(-5.0, 5.0, (12, dim))
+    pose = Pose.scattered(rng.uniform(-9.0, 9.0, (1, dim)), rng)[0]
+    noise = 0.02
+
+    def constellation(points: np.ndarray, first: int) -> Constellation:
+        n = len(points)
+        covariance = (noise**2 * np.eye(n * dim)).reshape(n, dim, n, dim)
+        seen = points + noise * rng.standard_normal(points.shape)
+        return Constellation(first + np.arange(n), np.full(n, -1), seen, covariance, dim)
+
+    order = rng.permutation(12)[:9]
+    others = np.concatenate([pose.unact(places[order]), rng.uniform(-5.0, 5.0, (4, dim))])
+    best = motions(constellation(places, 0), constellation(others, 100))[0]
+    assert best.odds > 0.99
+    np.testing.assert_allclose(best.pose.translation, pose.translation, atol=0.1)
+    assert {(int(order[k]), 100 + k) for k in range(9)} <= {(int(a), int(b)) for a, b in best.pairs}
+    mirrored = others * np.array([-1.0] + [1.0] * (dim - 1))
+    assert all(m.odds < 0.5 for m in motions(constellation(places, 0), constellation(mirrored, 100)))
+
+
+def test_an_empty_cell_is_a_sighting_without_a_name(tmp_path: Path) -> None:
+    """In the plain format, there and back."""
+    log = nameless(simulate(small("2d"), seed=1), keep=3)
+    write(log, tmp_path / "log", "plain")
+    again = read(tmp_path / "log")
+    for mine, theirs in zip(log.tables, again.tables, strict=True):
+        named = ~is_unnamed(mine.keys[:, -1])
+        np.testing.assert_array_equal(mine.keys[named], theirs.keys[named])
+        assert is_unnamed(theirs.keys[~named, -1]).all()
+        assert len(np.unique(theirs.keys[~named, -1])) == int((~named).sum())
+        np.testing.assert_allclose(mine.values, theirs.values)
