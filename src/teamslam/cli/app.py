@@ -18,6 +18,7 @@ from teamslam.cli.info import info
 from teamslam.cli.join import join
 from teamslam.cli.keys import keys
 from teamslam.cli.paper import paper
+from teamslam.cli.plan import plan
 from teamslam.cli.plot import plot
 from teamslam.cli.robot import robot
 from teamslam.cli.run import run
@@ -50,7 +51,7 @@ Shell completion: `teamslam --install-completion`.
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
 app.register_install_completion_command(help="Install completion of commands and options for this shell.")
-STORY = (demo, run, simulate, convert, info, score, plot, view, paper)
+STORY = (demo, run, plan, simulate, convert, info, score, plot, view, paper)
 PARTS = (split, build, join, exchange, robot, team, status, keys)
 for command in (*STORY, *PARTS):
     app.command(spoken(command))

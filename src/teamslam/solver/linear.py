@@ -135,10 +135,15 @@ class Factor:
         """The marginal covariances of the variables at some places of the layout, or of all in its order."""
         return self._factor.diagonal_inverse(places)
 
+    def marginals_by_size(self) -> list[tuple[IntArray, Array]]:
+        """The marginal covariances of all variables, those of one size as a stack (k, dof, dof), with their places (k,)
+        in the layout."""
+        return self._factor.diagonal_inverse_by_size()
+
     def in_sigmas(self, shift: Array) -> Array:
         """How far a shift (dof,) moves each variable (n,), in its own standard deviations: sqrt(d_v' P_vv^-1 d_v)."""
         out = np.zeros(len(self.layout))
-        for places, blocks in self._factor.diagonal_inverse_by_size():
+        for places, blocks in self.marginals_by_size():
             dof = blocks.shape[-1]
             moved = shift[self.layout.dof_start[places, None] + np.arange(dof)]
             out[places] = np.sqrt(np.sum(moved * np.linalg.solve(blocks, moved[..., None])[..., 0], -1))

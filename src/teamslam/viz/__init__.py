@@ -5,6 +5,7 @@ from teamslam.viz.compared import ErrorCloud, draw_comparison
 from teamslam.viz.convergence import draw_convergence
 from teamslam.viz.errors import ErrorTrack, draw_consistency, draw_errors
 from teamslam.viz.maps import draw_map, draw_maps, frame_name, plan_axes
+from teamslam.viz.plans import draw_plan
 from teamslam.viz.residuals import ResidualTrack, draw_residuals, draw_residuals_by_landmark
 from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.sides import SIDES, Side, side_of
@@ -24,6 +25,7 @@ __all__ = [
     "draw_errors",
     "draw_map",
     "draw_maps",
+    "draw_plan",
     "draw_residual_map",
     "draw_residuals",
     "draw_residuals_by_landmark",

@@ -122,8 +122,8 @@ def plan_axes(axes: "Axes", scene: Scene) -> None:
                   zorder=3, label=f"robot {name(scene.map.names.robot(robot))}")  # fmt: skip
         axes.plot(*path[-1], marker="s", ms=4.5, color=colour, mec="white", mew=0.6, zorder=5)
         _frame(axes, scene, robot, colour)
-        _regions(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
-    _regions(axes, scene, scene.map.landmark_keys, LANDMARK_COLOUR)
+        draw_regions(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
+    draw_regions(axes, scene, scene.map.landmark_keys, LANDMARK_COLOUR)
     draw_landmarks(axes, scene, 2)
     explain(axes, scene, 2)
     axes.set_xlabel("x [m]")
@@ -167,7 +167,8 @@ def _frame(axes: "Axes", scene: Scene, robot: int, colour: str) -> None:
     axes.plot(*start, marker="o", ms=5, color=colour, mec="white", mew=0.8, zorder=7)
 
 
-def _regions(axes: "Axes", scene: Scene, keys: IntArray, colour: str) -> None:
+def draw_regions(axes: "Axes", scene: Scene, keys: IntArray, colour: str) -> None:
+    """The 95 % regions of those variables whose covariance is known, seen from above."""
     from matplotlib.collections import EllipseCollection
 
     centres, covariances = scene.regions(keys, 2)
