@@ -11,6 +11,10 @@
     [join]                       # how submaps are joined
     order = "at once"            # or "sequential", "tree"
     exact = false                # true: rounds until the join is the full least squares
+    [trust]                      # what is not believed
+    reject = true                # sightings that are wrong are left out; absent: all are believed
+    wrong = 0.1                  # the probability that a sighting is wrong; absent: by the data
+    repair = false               # true: names that lie are put right, and robots that lie left out
     [solver]                     # how least squares problems are solved
     max_iterations = 100
 
@@ -76,6 +80,23 @@ class JoinOptions:
 
 
 @dataclass(frozen=True)
+class TrustOptions:
+    """What is not believed. `reject`: sightings that are wrong are found and left out; `wrong` is the probability that
+    one is, by the data where it is None. `repair`: names of landmarks that lie are put right, and robots that lie are
+    left out; else they are only named."""
+
+    reject: bool = False
+    wrong: float | None = None
+    repair: bool = False
+
+    def __post_init__(self) -> None:
+        if self.wrong is not None and not 0.0 < self.wrong < 1.0:
+            raise InputError(f"the probability that a sighting is wrong lies between 0 and 1, found {self.wrong}")
+        if self.wrong is not None and not self.reject:
+            raise InputError("wrong, the probability of wrong sightings, is without effect unless reject = true")
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything that a run may be told. `Config()` is the default run.
 
@@ -90,6 +111,7 @@ class Config:
     loss: Loss | None = None
     split: SplitOptions = field(default_factory=SplitOptions)
     join: JoinOptions = field(default_factory=JoinOptions)
+    trust: TrustOptions = field(default_factory=TrustOptions)
     solver: SolverOptions = field(default_factory=SolverOptions)
 
     def __post_init__(self) -> None:

@@ -1,8 +1,9 @@
 """The whole story in one page, in the paper's order:
 
-split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
+landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
+-> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
 -> what is wrong with the model of the data; where it is, once more with the data put right
--> how exact the join is -> how well the map fits -> covariances -> score against the truth, where there is one
+-> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
 """
 
 import time
@@ -34,10 +35,23 @@ from teamslam.joining import (
     with_exactness,
 )
 from teamslam.metrics import Report, score
-from teamslam.model import Dataset, Sources, Submap, Values, a_kind
+from teamslam.model import Dataset, Sources, Submap, Values, a_kind, is_unnamed
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Covariances, Options, each_side_by_side, meanwhile
-from teamslam.trust import Verdict, explained, sentence, verdict, with_plain_reasons
+from teamslam.trust import (
+    Assessment,
+    Decisions,
+    Suspicions,
+    Verdict,
+    assess,
+    explained,
+    mended,
+    sentence,
+    suspicions,
+    with_plain_reasons,
+    wrong_sightings,
+)
+from teamslam.trust.associate import associate
 from teamslam.trust.calibration import Calibration, calibrate
 from teamslam.wire.pieces import write_pieces
 
@@ -55,8 +69,9 @@ class Result(Answers):
 
     `map` is the first component: the one of the lowest robot. `covariances`, `costs` and `scores` have those of each;
     a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
-    is empty for full least squares. `verdict` says how well the map fits, `calibration` what was wrong with the model
-    of the data, and was put right.
+    is empty for full least squares. `trust` says how far the map is to be believed, `decisions` which sightings were
+    wrong and left out, where that was asked for; `calibration` what was wrong with the model of the data, and was put
+    right.
     """
 
     config: Config
@@ -65,15 +80,27 @@ class Result(Answers):
     joined: Joined
     covariances: tuple[Covariances, ...]
     costs: tuple[Cost | None, ...]
-    verdict: Verdict
+    trust: Assessment
     scores: tuple[Report, ...]
     seconds: dict[str, float]
+    decisions: Decisions | None = None
     calibration: Calibration = field(default_factory=Calibration)
 
     @property
     def map(self) -> Submap:
         """The joined map."""
         return self.joined.map
+
+    @property
+    def verdict(self) -> Verdict:
+        """How well the map fits."""
+        return self.trust.verdict
+
+    @property
+    def suspicions(self) -> Suspicions | None:
+        """Which names and robots are not to be believed, put right where that was asked for; None where nobody looked
+        (full least squares, exact joins, workers)."""
+        return self.trust.suspicions
 
     @property
     def maps(self) -> tuple[Submap, ...]:
@@ -125,8 +152,12 @@ def run(
         refuse_workers(config)
     clock = Clock(progress)
     dataset = _log_in(dataset, config)
+    if any(is_unnamed(table.keys).any() for table in dataset.tables):
+        clock.start("landmarks without names")
+        dataset = associate(dataset).dataset
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     try:
+        log, decisions, suspected = _cleared(log, config, clock)
         pieces, submaps, joined = _solved(log, config, workers, work, clock)
     except SolveError as error:
         raise explained(error, log) from None
@@ -147,10 +178,10 @@ def run(
         if not calibration.nothing:  # each row is judged by the deviation that it has alone
             log = calibration.put_right(log, weigh=False)
             at = _at(log, joined)
-        clock.start("verdict on the fit")
-        judged = verdict(log, joined, at)
-        joined = with_plain_reasons(joined, judged)
-        costs = [part.cost for part in judged.parts] or [cost_of(c.map, log.tables) for c in joined.components]
+        apart = () if config.join.exact or workers is not None else submaps
+        trust = assess(log, apart, joined, at, known=suspected, stage=clock.start)
+        joined = with_plain_reasons(joined, trust.verdict)
+        costs = [part.cost for part in trust.verdict.parts] or [cost_of(c.map, log.tables) for c in joined.components]
         clock.start("covariances")
     clock.start("score")
     try:
@@ -158,8 +189,22 @@ def run(
     except SolveError as error:  # a map that has no covariances
         raise explained(error, log) from None
     return Result(
-        config, dataset, submaps, joined, covariances, tuple(costs), judged, scores, clock.stop(), calibration
+        config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(), decisions, calibration
     )
+
+
+def _cleared(log: Dataset, config: Config, clock: "Clock") -> tuple[Dataset, Decisions | None, Suspicions | None]:
+    """The log without wrong sightings, and with what lies put right, where that was asked for; and what was found."""
+    decisions, suspected = None, None
+    if config.trust.reject:
+        clock.start("wrong sightings")
+        decisions = wrong_sightings(log, probability=config.trust.wrong)
+        log = decisions.kept(log)
+    if config.trust.repair:
+        clock.start("what lies")
+        suspected = _suspicions_of(log, config)
+        log = mended(log, suspected)
+    return log, decisions, suspected
 
 
 def _once_more(
@@ -280,6 +325,13 @@ def pairs(pieces: Iterable[Dataset], submaps: Iterable[Submap]) -> list[tuple[Da
     of_sources = {submap.sources: submap for submap in submaps}
     both = ((piece, of_sources.get(Sources.of(piece.tables))) for piece in pieces)
     return [(piece, submap) for piece, submap in both if submap is not None]
+
+
+def _suspicions_of(log: Dataset, config: Config) -> Suspicions:
+    """What is suspicious in a log, by its submaps and their join; what cannot be built is not looked at."""
+    built = list(_each(_pieces(log, config), lambda piece: _build(piece, config.solver)))
+    submaps, _ = zip(*_whole(built), strict=True)
+    return suspicions(log, submaps)
 
 
 def _in_rounds(log: Dataset, config: Config, clock: "Clock") -> tuple[tuple[Submap, ...], Joined]:

@@ -157,7 +157,7 @@ def _joined(
     from teamslam.pipeline import Clock, Result, scores_of
     from teamslam.results.record import Record
     from teamslam.solver import Covariances
-    from teamslam.trust import unknown
+    from teamslam.trust import Assessment, unknown
 
     clock = Clock(progress)
     if workers is None or parts is None:
@@ -181,7 +181,8 @@ def _joined(
     team = Dataset(robots, raw, joined.map.names, known, origin=", ".join(map(str, maps)))
     clock.start("score")
     scores = scores_of(joined, covariances, known)
-    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, judged, scores, clock.stop()))
+    trust = Assessment(judged, None, ())
+    record = Record.of(Result(Config(), team, admitted.good, joined, covariances, costs, trust, scores, clock.stop()))
     marks = {int(key) for c in joined.components for key in c.map.landmark_keys}
     held = {
         "inputs": [str(path) for path in maps],

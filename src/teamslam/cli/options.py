@@ -17,6 +17,9 @@ def config_for(
     loss: str | None = None,
     loss_scale: float | None = None,
     calibrate: bool | None = None,
+    reject: bool = False,
+    wrong: float | None = None,
+    repair: bool = False,
 ) -> "Config":
     """The options of a run. InputError for unknown names, and for an option that would be without effect."""
     from teamslam.config import Config, read_config
@@ -35,6 +38,13 @@ def config_for(
         if not config.join.exact:
             raise InputError("--gap needs --exact (or exact = true in the options file)")
         config = replace(config, join=replace(config.join, gap=gap))
+    if wrong is not None and not (reject or config.trust.reject):
+        raise InputError("--wrong needs --reject (or reject = true in the options file)")
+    if reject or wrong is not None or repair:
+        trust = config.trust
+        wrong = trust.wrong if wrong is None else wrong
+        trust = replace(trust, reject=reject or trust.reject, wrong=wrong, repair=repair or trust.repair)
+        config = replace(config, trust=trust)
     if loss is not None:
         if loss == "squared" and loss_scale is not None:
             raise InputError("--loss-scale goes with a loss that has a scale; squared has none")

@@ -19,6 +19,9 @@ def run(
     loss: str | None = None,
     loss_scale: float | None = None,
     calibrate: bool | None = None,
+    reject: Annotated[bool, Parameter(negative="")] = False,
+    wrong: float | None = None,
+    repair: Annotated[bool, Parameter(negative="")] = False,
     config: Path | None = None,
     format: str | None = None,
     workers: MaybeWhole = None,
@@ -36,6 +39,7 @@ def run(
     teamslam run MRCLAM_Dataset6 --out near --exact --gap 1e-6
     teamslam run MRCLAM_Dataset6 --out full --method full
     teamslam run my-team --out my-map --loss huber --loss-scale 2
+    teamslam run my-team --out my-map --reject --repair
     teamslam run my-team --out again --config my-map/config.toml
     teamslam run many-robots --out large --workers 8
     ```
@@ -63,6 +67,13 @@ def run(
     calibrate
         Where the data show that their noise is not as stated (systematic errors, wrong standard deviations, errors that
         hang together in time), put it right and map once more.
+    reject
+        Find the sightings that are wrong and leave them out; report.json lists them.
+    wrong
+        With --reject: the probability that a sighting is wrong. Without it, as the data have it.
+    repair
+        Put right names of landmarks that lie (exchanged, or one that was moved), and leave out robots that contradict
+        the others. Without it they are only named.
     config
         Options in TOML; those on the command line win.
     format
@@ -95,7 +106,16 @@ def run(
 
     refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[input])
     options = config_for(
-        config, method=method, exact=exact, gap=gap, loss=loss, loss_scale=loss_scale, calibrate=calibrate
+        config,
+        method=method,
+        exact=exact,
+        gap=gap,
+        loss=loss,
+        loss_scale=loss_scale,
+        calibrate=calibrate,
+        reject=reject,
+        wrong=wrong,
+        repair=repair,
     )
     crew = workers_for(workers, cluster)
     if crew is not None:

@@ -33,6 +33,23 @@ Its fields:
     left_out                       what went in and is in no map, each with `kind` (piece, poses, landmark, rows),
                                    `what` it is, how many `poses`, `landmarks` and `rows` are lost with it, and the
                                    `reason`
+    rejected                       where wrong sightings were looked for: the `count` of those left out, `of` how many;
+                                   by sensor how many, the probability that one is `wrong`, and by how much the `noise`
+                                   of the others is larger than stated, in variance; `open`, landmarks that a robot's
+                                   sightings put in two places, and nobody decides; each of the `rows`, with its
+                                   `weight` (0), its `squared` residual in sigmas and the `gate` on it; the same in
+                                   `sentences`; null where nobody looked
+    suspicions                     `labels`, names of landmarks that lie, each with its `kind` (exchanged, mistaken,
+                                   apart), the `robot`, the landmarks `one` and `other`, the natural logarithm of its
+                                   `odds`, and the robots that it may be `instead`; `mistaken`, robots that one takes
+                                   for others; `robots`, those that contradict the others, by the chance that honest
+                                   ones do (`significance`), `undecidable` where nobody can say who; those that
+                                   contradict `themselves`; the same in `sentences`; and whether all of it was `mended`;
+                                   null where nobody looked
+    weak                           of each component what it does not know: `open`, what hangs loose; the weakest
+                                   `directions`, each with its standard deviation `sigma` in a `unit` (rad of a turn, m
+                                   of a shift); `place_m` and `heading_rad`, how well all else is known; each in a
+                                   `sentence`; null where the measurements do not determine the map
     remarks                        what is in a map though something is to be known of it, in words
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
@@ -60,8 +77,10 @@ from teamslam.joining import Component, Cost
 from teamslam.metrics import Report
 from teamslam.model import Dataset, LeftOut, index_of, is_landmark
 from teamslam.pipeline import Result
+from teamslam.results.suspects import rejected_of, suspicions_of
 from teamslam.trust import Verdict, sentence
 from teamslam.trust.calibration import sentences
+from teamslam.trust.weak import Weak
 
 UNDETERMINED = "unknown: the measurements themselves do not determine every variable where the join ended"
 ALONE = "One submap, nothing to join."
@@ -94,6 +113,11 @@ def report_of(result: Result) -> dict[str, Any]:
         "components": len(components),
         "reasons": list(result.joined.reasons),
         "left_out": [_left_out(lost) for lost in result.joined.left_out],
+        "rejected": None if result.decisions is None else rejected_of(result.decisions, dataset),
+        "suspicions": None
+        if result.suspicions is None
+        else suspicions_of(result.suspicions, mended=result.config.trust.repair),
+        "weak": [None if weak is None else _weak(weak) for weak in result.trust.weak],
         "remarks": list(result.joined.remarks),
         "ambiguities": [sentence for c in components for sentence in c.ambiguities],
         **_errors(result.scores),
@@ -148,6 +172,17 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
             {"landmark": map.names.landmark(int(index_of(key))), "position_m": place.tolist()}
             for key, place in component.second_places
         ],
+    }
+
+
+def _weak(weak: Weak) -> dict[str, Any]:
+    """What a map does not know, and what it knows least."""
+    return {
+        "open": [{"ways": f.ways, "sentence": said} for f, said in zip(weak.open, weak.open_sentences, strict=True)],
+        "directions": [{"sigma": d.sigma, "unit": d.unit, "sentence": d.sentence} for d in weak.directions],
+        "place_m": weak.least.place_m,
+        "heading_rad": weak.least.heading_rad,
+        "sentence": weak.rest,
     }
 
 

@@ -22,7 +22,10 @@ def outcome(report: Report) -> Rows:
         *(("remark", sentence) for sentence in report.get("remarks", [])),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
         *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
+        *_rejected(report.get("rejected")),
+        *_suspicions(report.get("suspicions")),
         *_fit(report["fit"]),
+        *_weak(report.get("weak", [])),
         *_cost(report),
         *([("exactness", exactness(report))] if report["method"] == "join" else []),
         ("went in", counted(report["robots"], "robot", report["poses"], "pose", report["landmarks"], "landmark")),
@@ -47,6 +50,29 @@ def _lost(lost: Report) -> str:
     """What is in no map, and why."""
     rows = f" ({counted(lost['rows'], 'row')})" if lost["rows"] else ""
     return f"{lost['what']}{rows}: {lost['reason']}"
+
+
+def _rejected(found: Report | None) -> Rows:
+    """How many sightings were wrong, and whose."""
+    if found is None:
+        return []
+    total = f"{found['count']:,} of {counted(found['of'], 'sighting')}, left out"
+    return [("wrong", total), *(("", sentence) for sentence in found["sentences"])]
+
+
+def _suspicions(found: Report | None) -> Rows:
+    """Who is not to be believed, and what was done about it."""
+    if found is None or not found["sentences"]:
+        return []
+    done = "put right, or left out" if found["mended"] else "left as it is; --repair puts it right"
+    return [*(("suspicious", sentence) for sentence in found["sentences"]), ("", done)]
+
+
+def _weak(components: list[Report | None]) -> Rows:
+    """What a map does not know, the weakest first, and how well all else is known."""
+    known = [weak for weak in components if weak is not None]
+    told = [part["sentence"] for weak in known for part in (*weak["open"], *weak["directions"])]
+    return [*(("weak", sentence) for sentence in told), *(("known", weak["sentence"]) for weak in known)]
 
 
 def _fit(fit: Report) -> Rows:

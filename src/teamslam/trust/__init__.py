@@ -1,22 +1,34 @@
 """Whether results are to be believed: what maps and logs show of it, as data."""
 
+from teamslam.trust.assessment import Assessment, assess
 from teamslam.trust.carriers import Share
 from teamslam.trust.cause import Cause
 from teamslam.trust.fit import Verdict, explained, unknown, verdict, with_plain_reasons
 from teamslam.trust.noise import Noise
+from teamslam.trust.outliers.decide import Decisions, wrong_sightings
+from teamslam.trust.outliers.words import sentences_on_sightings
 from teamslam.trust.residuals import Residuals, Rows
+from teamslam.trust.suspicions import Suspicions, mended, suspicions
 from teamslam.trust.words import sentence
 
 __all__ = [
+    "Assessment",
     "Cause",
+    "Decisions",
     "Noise",
     "Residuals",
     "Rows",
     "Share",
+    "Suspicions",
     "Verdict",
+    "assess",
     "explained",
+    "mended",
     "sentence",
+    "sentences_on_sightings",
+    "suspicions",
     "unknown",
     "verdict",
     "with_plain_reasons",
+    "wrong_sightings",
 ]

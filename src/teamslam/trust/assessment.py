@@ -1,0 +1,57 @@
+"""How far a map is to be believed: the one door by which a run asks.
+
+    verdict      how well the map fits the log, and what a misfit looks like
+    suspicions   names of landmarks that lie, robots that contradict the others
+    weak         of each component what it does not know, and what it knows least
+
+All of it, and how exact a join is, reads the log at the map as it was linearised and factorised there once (`AtMap`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from teamslam.errors import SolveError
+from teamslam.joining import AtMap, Joined
+from teamslam.model import Dataset, Submap
+from teamslam.trust.fit import Verdict, verdict
+from teamslam.trust.suspicions import Suspicions, suspicions
+from teamslam.trust.weak import Weak, knowledge_at, weakest_of
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What speaks for a map and against it. `suspicions` are None where nobody looked; `weak` has one for each
+    component, None where its measurements do not determine it."""
+
+    verdict: Verdict
+    suspicions: Suspicions | None
+    weak: tuple[Weak | None, ...]
+
+
+def assess(
+    log: Dataset,
+    submaps: Sequence[Submap],
+    joined: Joined,
+    at: Sequence[AtMap],
+    *,
+    known: Suspicions | None = None,
+    stage: Callable[[str], None] = lambda name: None,
+) -> Assessment:
+    """How far the map of a log is to be believed; `at`: the log at each component's map.
+
+    `submaps`: what it was joined of; without any (full least squares) nobody is suspected. `known`: suspicions that the
+    log was mended by. `stage` hears what is looked at next.
+    """
+    stage("verdict on the fit")
+    judged = verdict(log, joined, at)
+    stage("suspicions")
+    suspected = suspicions(log, submaps, joined) if known is None and submaps else known
+    stage("weak directions")
+    return Assessment(judged, suspected, tuple(map(_weak, at)))
+
+
+def _weak(at: AtMap) -> Weak | None:
+    try:
+        return weakest_of(knowledge_at(at))
+    except SolveError:
+        return None
