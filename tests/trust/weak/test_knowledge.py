@@ -11,7 +11,7 @@ from strategies import random_poses
 from teamslam.joining import AtMap, full
 from teamslam.joining.exact.gap import point_of
 from teamslam.model import Dataset, Table, Values
-from teamslam.sim import simulate
+from teamslam.sim import Options, simulate
 from teamslam.solver import System
 from teamslam.trust.weak import Knowledge, knowledge_from, knowledge_of
 from teamslam.trust.weak.directions import Conditioned
@@ -145,3 +145,17 @@ def test_a_map_in_the_world_has_no_motion_that_nobody_sees(world: str) -> None:
     assert known.frame.shape[1] == known.unknown.shape[1] == 0
     H = System(log.truth.layout, tables=tables).linearise(log.truth).hessian.to_csr().toarray()
     np.testing.assert_allclose(known.spread(np.eye(len(H))), np.linalg.inv(H), rtol=1e-4, atol=1e-9)
+
+
+def test_what_is_told_twice_is_told_once() -> None:
+    """A combination that is known already, or that others of the known ones make up, changes nothing."""
+    log = simulate(Options(space="2d", robots=2, poses=12, landmarks=6), seed=4)
+    known = knowledge_of(full(log).map)
+    rng = np.random.default_rng(1)
+    one, other = rng.standard_normal((2, len(known.weight)))
+    twice = Conditioned(known, np.stack([one, other, one, one - 3.0 * other], 1))
+    once = Conditioned(known, np.stack([one, other], 1))
+    for f in rng.standard_normal((5, len(known.weight))):
+        assert f @ twice.spread(f) == pytest.approx(f @ once.spread(f), rel=1e-6)
+    assert one @ twice.spread(one) == pytest.approx(0.0, abs=1e-9 * (one @ known.spread(one)))
+    assert twice.least.place_m == pytest.approx(once.least.place_m, rel=1e-6)

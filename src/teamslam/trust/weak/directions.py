@@ -13,6 +13,8 @@ import numpy as np
 from teamslam.geometry import Array
 from teamslam.trust.weak.knowledge import DENSE, Knowledge, Stacks, worst_variances
 
+ROUNDING = 1e-9  # of a correlation
+
 
 @dataclass(frozen=True)
 class Least:
@@ -38,8 +40,9 @@ class Conditioned:
         spread = self.knowledge.spread(self.functions)
         together = self.functions.T @ spread
         scale = np.sqrt(np.diagonal(together))
-        root = np.linalg.cholesky(together / np.outer(scale, scale))
-        return np.asarray(np.linalg.solve(root, (spread / scale).T).T)
+        sizes, ways = np.linalg.eigh(together / np.outer(scale, scale))
+        fresh = sizes > ROUNDING  # combinations that others of them tell as well add nothing
+        return np.asarray((spread / scale) @ (ways[:, fresh] / np.sqrt(sizes[fresh])))
 
     def spread(self, f: Array) -> Array:
         """The covariance times functions f (dof, ...)."""
@@ -56,7 +59,8 @@ class Conditioned:
     def least(self) -> "Least":
         """What is known least, relative to the map as a whole."""
         layout = self.knowledge.values.layout
-        places, headings = (np.nan_to_num(each) for each in worst_variances(layout, self.stacks))
+        # What is known exactly has a variance of zero, give or take rounding.
+        places, headings = (np.maximum(np.nan_to_num(v), 0.0) for v in worst_variances(layout, self.stacks))
         place, heading = (int(np.argmax(variances)) for variances in (places, headings))
         return Least(
             float(np.sqrt(places[place])), int(layout.keys[place]),

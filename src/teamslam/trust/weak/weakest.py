@@ -23,6 +23,7 @@ from teamslam.trust.weak.parts import in_two
 from teamslam.trust.weak.words import called, metres, radians, sentence_of_freedom, sentence_of_hinge
 
 MOST = 5  # directions that are told
+TOLD = 1e-6  # of a variance: less of it is left once the same motion has been told
 STANDS_OUT = 0.2  # of all that is left uncertain: a direction that carries less is like many others
 
 
@@ -109,7 +110,10 @@ def _next(left: Conditioned) -> Direction | None:
         return None
     part, against, explained = _moves(known, field)
     hinge = hinge_of(known.motions, part, against, field)
-    sigma = float(np.sqrt(hinge.function @ known.spread(hinge.function)))
+    variance, rest_of_it = (float(hinge.function @ of.spread(hinge.function)) for of in (known, left))
+    if min(variance, rest_of_it) <= TOLD * abs(variance):
+        return None  # no two parts that have not been named describe it
+    sigma = float(np.sqrt(variance))
     layout, names = known.values.layout, known.names
     rest = "the world" if not against.any() else "the rest" if against.sum() > 3 else called(against, layout, names)
     said = sentence_of_hinge(hinge, part, rest, layout, names, sigma, explained)
