@@ -1,7 +1,7 @@
 """`teamslam plan`: what a team will know, before it drives."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from teamslam.cli.numbers import Whole
 
@@ -10,7 +10,6 @@ if TYPE_CHECKING:
 
     from teamslam.model import Dataset
     from teamslam.trust.foresee import Foreseen, Tag
-    from teamslam.trust.weak.sightings import Sighting
 
 
 def plan(
@@ -66,9 +65,10 @@ def plan(
         Draw the figure.
     """
     from teamslam.cli.codes import DONE, PARTLY
-    from teamslam.cli.console import pairs, say
+    from teamslam.cli.console import answer, pairs, say
     from teamslam.results.whole import refuse_to_overwrite
     from teamslam.trust.foresee import foresee, place_next
+    from teamslam.trust.foresee.report import report_of
     from teamslam.trust.weak.eyes import eyes_of
     from teamslam.trust.weak.sightings import look_next
 
@@ -86,8 +86,10 @@ def plan(
     ):
         if advice:
             pairs(title, [(str(number), said) for number, said in enumerate(advice, start=1)])
+    report = report_of(found, sightings, tags)
+    answer(report)
     if out is not None:
-        _write(out, found, sightings, tags, figures)
+        _write(out, report, found, tags, figures)
         say(f"written: {out}")
     return PARTLY if found.weak.open or found.unseen else DONE
 
@@ -110,15 +112,14 @@ def _planned(mission: Path | None, preset: str | None, seed: int) -> "tuple[Data
     return read(mission), None
 
 
-def _write(out: Path, found: "Foreseen", sightings: "Sequence[Sighting]", tags: "Sequence[Tag]", figures: bool) -> None:
+def _write(out: Path, report: "dict[str, Any]", found: "Foreseen", tags: "Sequence[Tag]", figures: bool) -> None:
     import json
 
     from teamslam.results.whole import whole_folder
-    from teamslam.trust.foresee.report import map_of, report_of
+    from teamslam.trust.foresee.report import map_of
     from teamslam.viz import Scene, draw_plan, saved
 
     with whole_folder(out) as draft:
-        report = report_of(found, sightings, tags)
         (draft / "plan.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         if figures:
             scene = Scene(map_of(found), found.covariances)
