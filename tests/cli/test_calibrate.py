@@ -25,6 +25,8 @@ def test_what_was_put_right_is_said_and_travels_with_the_map(teamslam, log: Path
     assert {(e["robot"], e["source"], e["term"]) for e in told["systematic"]} == {
         (robot, "odometry", "scale") for robot in "123"
     }
+    assert [sigmas["what"] for sigmas in told["sigmas_m"]] == ["landmarks", "robots"]
+    assert all(0.0 < sigmas["noise"] <= sigmas["whole"] for sigmas in told["sigmas_m"])
     again = teamslam("join", tmp_path / "map" / "maps", "--out", tmp_path / "again", "--truth", log, "--no-figures")
     assert again.code == 0
     for field in ("nees_per_dof", "landmark_rmse_m", "robot_position_rmse_m"):

@@ -24,7 +24,8 @@ Its fields:
     calibration                    what the data showed to be wrong with their model, and what was put right before the
                                    map was made again: `sentences`; `systematic` errors, each with `value`, `sigma` and
                                    `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang
-                                   together in time. null where it was not asked for
+                                   together in time; `sigmas_m`, what those of landmarks and robots come from.
+                                   null where it was not asked for
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
@@ -219,6 +220,7 @@ def _calibration(result: Result) -> dict[str, Any] | None:
         "scales": [{**asdict(scale), "robot": names.robot(scale.robot)} for scale in found.scales],
         "slips": [asdict(slip) for slip in found.slips],
         "lasting": [asdict(lasting) for lasting in found.lasting],
+        "sigmas_m": [asdict(sigmas) for sigmas in found.sigmas],
     }
 
 

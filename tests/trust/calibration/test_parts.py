@@ -5,12 +5,14 @@ import pytest
 
 from teamslam.geometry import Array
 from teamslam.joining import AtMap, build, full, split
-from teamslam.model import Names, Table, is_parameter, landmark_key, pose_key
+from teamslam.model import Names, Table, is_landmark, is_parameter, landmark_key, pose_key
 from teamslam.trust.calibration.calibrate import calibrate
 from teamslam.trust.calibration.carried import rows_inside
 from teamslam.trust.calibration.choice import chosen
+from teamslam.trust.calibration.estimate import estimate
 from teamslam.trust.calibration.persistence import DRAWS, Curve, Pairs, Persistence, tempering
 from teamslam.trust.calibration.rows import linearised
+from teamslam.trust.calibration.sigmas import sigmas_of
 from trust.calibration.faulty import offset, team
 
 
@@ -116,3 +118,17 @@ def test_a_submap_that_carries_systematic_errors_knows_what_least_squares_over_b
     assert np.allclose(covariance, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
     moved = carrying.values.only(bare.values.layout.keys).minus(bare.values)
     assert np.allclose(moved, shift, atol=1e-6 * max(np.abs(shift).max(), 1e-3))
+
+
+def test_sigmas_are_those_of_map_and_systematic_errors_together() -> None:
+    log, _ = offset(team(4, poses=40), np.random.default_rng(4))
+    fit = estimate(AtMap(log.tables, full(log).components[0].map)).fit
+    inside, free = fit.choice.inside, fit.linear.at.gap.free
+    jacobian, weight = fit.linear.jacobian.toarray(), fit.weight.toarray()
+    both = np.concatenate([jacobian, fit.linear.effects.toarray()[:, inside]], 1)
+    prior = np.concatenate([np.zeros(free.dof), fit.choice.tau**-2.0])
+    covariance = np.linalg.inv(both.T @ weight @ both + np.diag(prior))
+    places = free.dof_start[:-1][is_landmark(free.keys)][:, None] + np.arange(2)
+    (landmarks,) = (sigmas for sigmas in sigmas_of(fit) if sigmas.what == "landmarks")
+    assert len(inside) and landmarks.whole > landmarks.noise
+    assert landmarks.whole == pytest.approx(np.median(np.sqrt(np.diag(covariance)[places].mean(1))), rel=1e-6)

@@ -12,6 +12,7 @@ from teamslam.trust.calibration.carried import carrying, rows_inside
 from teamslam.trust.calibration.changed import Change, put_right
 from teamslam.trust.calibration.estimate import Estimate, changes_of, estimate, systematic_of
 from teamslam.trust.calibration.persistence import Persistence
+from teamslam.trust.calibration.sigmas import Sigmas, sigmas_of
 from teamslam.trust.calibration.slips import SLIPS
 from teamslam.trust.calibration.systematic import Systematic
 
@@ -48,7 +49,7 @@ class Lasting:
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """What is wrong with the model of the data, and what is to be done about it: nothing, if all are empty. `moved`:
-    where the maps go when it is put right, to first order."""
+    where the maps go when it is put right, to first order; `sigmas`: what theirs come from."""
 
     systematic: tuple[Systematic, ...] = ()
     scales: tuple[Scale, ...] = ()
@@ -57,6 +58,7 @@ class Calibration:
     names: Names = field(default_factory=Names)
     changes: tuple[Change, ...] = ()
     moved: tuple[Values, ...] = ()
+    sigmas: tuple[Sigmas, ...] = ()
 
     @property
     def nothing(self) -> bool:
@@ -107,6 +109,7 @@ def calibrate(at: Sequence[AtMap]) -> Calibration:
         names=at[0].joined.names,
         changes=tuple(change for each in found for change in changes_of(each, systematic)),
         moved=tuple(each.fit.moved() for each in found),
+        sigmas=tuple(sigmas for each in found for sigmas in sigmas_of(each.fit)),
     )
 
 

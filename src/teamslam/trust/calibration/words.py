@@ -8,7 +8,7 @@ from teamslam.trust.cause import rows_called
 
 def sentences(found: Calibration) -> list[str]:
     """What was wrong with the model of the data and was put right, most telling first; empty where nothing was."""
-    return [*_systematic(found), *_scales(found), *_slips(found), *_lasting(found)]
+    return [*_systematic(found), *_scales(found), *_slips(found), *_lasting(found), *_sigmas(found)]
 
 
 def _systematic(found: Calibration) -> Iterator[str]:
@@ -50,6 +50,14 @@ def _lasting(found: Calibration) -> Iterator[str]:
         yield (
             f"errors of {rows_called(each.source)} in {each.part} hang together in time (correlation {how}): "
             f"one counts as {1.0 / each.counts:.2g}"
+        )
+
+
+def _sigmas(found: Calibration) -> Iterator[str]:
+    for of in () if found.nothing else found.sigmas:
+        yield (
+            f"places of {of.what} are known to {of.whole:.2g} m in the middle ({of.stated:.2g} m as stated): "
+            f"{of.noise:.2g} m by the noise put right, the rest from systematic errors that stay uncertain"
         )
 
 
