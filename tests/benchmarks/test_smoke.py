@@ -55,3 +55,14 @@ def test_joins_stand_beside_full_least_squares(tmp_path: Path) -> None:
         assert cost["join"] == pytest.approx(cost["join, whole"], rel=1e-9)
         assert cost["full, all"] == pytest.approx(cost["full, solve"], rel=1e-9)
         assert cost["full, solve"] <= cost["join"]
+
+
+def test_mapping_while_driving_stands_beside_smoothers(tmp_path: Path) -> None:
+    pytest.importorskip("gtsam")
+    out = tmp_path / "rows.json"
+    command = [sys.executable, "benchmarks/online.py", "--poses", "160", "--landmarks", "30", "--dims", "2"]
+    done = subprocess.run([*command, "--json", str(out)], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    rows = {row["solver"]: row for row in json.loads(out.read_text())["rows"]}
+    assert set(rows) == {"teamslam", "isam2", "fixed_lag"}
+    assert rows["teamslam"]["online_rmse_m"] <= 1.05 * rows["isam2"]["online_rmse_m"]
