@@ -1,6 +1,8 @@
 """The pose of now: that of the least squares of all rows so far, from a filter that carries little."""
 
 from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from teamslam.live import drive
 from teamslam.model import Dataset, Table
 from teamslam.robot import Estimate, Options, Robot
 from teamslam.solver import Covariances
+from teamslam.wire.messages import canonical
 from worlds import WORLDS, team
 
 ALL = Options(poses_per_piece=None)
@@ -115,15 +118,12 @@ def test_where_odometry_is_missing_the_pose_is_told_in_a_frame_of_its_own() -> N
     assert mended is not None and mended.frame == keys[0]
 
 
-def test_closing_beside_the_steps_on_a_thread_gives_the_same_submaps() -> None:
-    from concurrent.futures import ThreadPoolExecutor
-
-    from teamslam.wire.messages import canonical
-
-    log = team("planar", robots=1, poses=60)
+@pytest.mark.parametrize("process", [False, True])
+def test_closing_beside_the_steps_gives_the_same_submaps(process: bool) -> None:
+    log = team("planar", robots=1, poses=40)
     rows = [tables for _, tables in in_time(log, 1)]
     options = Options(poses_per_piece=10)
-    with ThreadPoolExecutor(1) as executor:
+    with ProcessPoolExecutor(1, get_context("spawn")) if process else ThreadPoolExecutor(1) as executor:
         beside = [s for moment in drive(Robot.of(log, 1, options), rows, executor=executor) for s in moment.submaps]
     between = [s for moment in drive(Robot.of(log, 1, options), rows) for s in moment.submaps]
     assert sorted(map(canonical, beside)) == sorted(map(canonical, between))

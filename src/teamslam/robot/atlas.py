@@ -10,7 +10,6 @@ A closed piece that got a late row comes again with a higher version, and replac
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -46,8 +45,8 @@ class Atlas:
     """The stretches of a robot's way by their number; and what their map is made of (`short`), by id and version, those
     of others as well."""
 
-    stretches: Mapping[int, Stretch] = field(default_factory=lambda: MappingProxyType({}))
-    short: Mapping[tuple[str, int], Short] = field(default_factory=lambda: MappingProxyType({}))
+    stretches: Mapping[int, Stretch] = field(default_factory=dict)
+    short: Mapping[tuple[str, int], Short] = field(default_factory=dict)
 
     def with_stretch(
         self, number: int, version: int, pieces: Sequence[Dataset], end: int | None, options: Options = DEFAULTS
@@ -64,7 +63,7 @@ class Atlas:
             except SolveError as error:
                 unbuilt.append(str(error))
         stretch = Stretch(version, end, tuple(submaps), tuple(unbuilt))
-        return replace(self, stretches=MappingProxyType({**self.stretches, number: stretch}))
+        return replace(self, stretches={**self.stretches, number: stretch})
 
     def in_short(self, heard: Sequence[Submap] = (), robot: int = 0) -> "Atlas":
         """With what the map is made of brought up to date: its own submaps, and those that were `heard` but for those
@@ -81,7 +80,7 @@ class Atlas:
             if held is None or not np.array_equal(held.keep, keep):
                 held = Short(keep, _condensed(submap, keep), number < len(own))
             short[submap.id, submap.version] = held
-        return replace(self, short=MappingProxyType(short))
+        return replace(self, short=short)
 
     @property
     def submaps(self) -> tuple[Submap, ...]:
