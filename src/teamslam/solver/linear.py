@@ -89,7 +89,27 @@ class Factor:
         self.layout, self.names = layout, names or Names()
         if isinstance(structure, kernel.BlockPattern):
             structure = kernel.Analysis(structure, last=last)
-        self._factor = kernel.Factor(structure)
+        self._structure, self._factor = structure, kernel.Factor(structure)
+        self._numbers: Array | None = None
+        self._damping: Array | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What travels: what was factorised, to be factorised again. TypeError where some are eliminated last."""
+        if self._structure.last_size or self._numbers is None:
+            raise TypeError(
+                "a factor that keeps variables for last, or holds no matrix yet, cannot be copied or pickled"
+            )
+        return {
+            "layout": self.layout,
+            "names": self.names,
+            "pattern": self._structure.pattern,
+            "numbers": self._numbers,
+            "damping": self._damping,
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["layout"], state["pattern"], names=state["names"])  # type: ignore[misc]
+        self.factorise(state["numbers"], state["damping"])
 
     @classmethod
     def of(
@@ -108,6 +128,7 @@ class Factor:
 
     def factorise(self, numbers: Array, damping: Array | None = None) -> None:
         """Factorise H + diag(damping). Raises SolveError naming the variable where H is not positive definite."""
+        self._numbers, self._damping = numbers, damping
         try:
             self._factor.factor(numbers, damping)
         except kernel.NotPositiveDefinite as problem:

@@ -27,6 +27,9 @@ class Assessment:
     suspicions: Suspicions | None
     weak: tuple[Weak | None, ...]
 
+    def __repr__(self) -> str:
+        return f"Assessment({self.verdict!r})"
+
 
 def assess(
     log: Dataset,

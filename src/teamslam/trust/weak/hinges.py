@@ -30,6 +30,9 @@ class Hinge:
     axis: Array
     function: Array
 
+    def __repr__(self) -> str:
+        return f"Hinge({self.kind} about {len(self.pivot)} variables)"
+
 
 def relative(motions: Motions, part: BoolArray, against: BoolArray) -> Array:
     """F (m, dof): the motion of a part against another, about the middle of the first; against none, in the world."""

@@ -55,6 +55,9 @@ class InFrame:
     unknowns: IntArray
     places: IntArray
 
+    def __repr__(self) -> str:
+        return f"InFrame({len(self.unknowns):,} unknowns)"
+
     def solve(self, right: Array) -> Array:
         """C right."""
         out = np.zeros_like(right)
@@ -81,6 +84,9 @@ class Knowledge:
     frame: Array
     unknown: Array
     covariance: Inverse
+
+    def __repr__(self) -> str:
+        return f"Knowledge({self.values!r})"
 
     @property
     def weight(self) -> Array:

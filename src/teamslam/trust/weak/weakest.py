@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from teamslam.errors import in_words
 from teamslam.geometry import Array, BoolArray
 from teamslam.model import Submap
 from teamslam.trust.weak.directions import Conditioned, Least
@@ -41,6 +42,9 @@ class Direction:
     share: float
     sentence: str
 
+    def __repr__(self) -> str:
+        return f"Direction({in_words(self.sentence)})"
+
     @property
     def unit(self) -> str:
         """Of sigma."""
@@ -58,6 +62,9 @@ class Weak:
     open_sentences: tuple[str, ...]
     directions: tuple[Direction, ...]
     least: Least
+
+    def __repr__(self) -> str:
+        return f"Weak({len(self.directions)} weak directions, {len(self.open)} open)"
 
     @property
     def sentences(self) -> tuple[str, ...]:
