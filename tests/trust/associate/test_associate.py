@@ -1,5 +1,6 @@
 """Landmarks without names, on teams whose names were taken away: who is who is found out, or said to be open."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from teamslam.pipeline import run
 from teamslam.sim import Options, Robot, Sensor, World, observe, simulate
 from teamslam.trust.associate import Associated, associate
 from teamslam.trust.associate.across import Constellation, motions
+from teamslam.trust.associate.cooling import cooled
 
 ALONE = Robot(robots=None)  # sees no other robot
 
@@ -131,6 +133,29 @@ def test_false_alarms_are_of_no_landmark() -> None:
     true, given = compared(log, found)
     assert precision(true, given) >= 0.98
     assert found.strangers > 0
+
+
+def test_close_groups_of_a_real_log_come_apart(data: Callable[[str], Path]) -> None:
+    """MRCLAM 6: fifteen landmarks in groups of two and three, 0.2 m apart, seen by cameras that call depth a range."""
+    log = read(data("mrclam_6"))
+    found = associate(nameless(log))
+    true, given = compared(log, found)
+    assert precision(true, given) >= 0.99
+    assert len(np.unique(true)) == 15 <= found.landmarks <= 17
+    with_names, without = run(log), run(found.dataset)
+    mine, best = (score(r.map, log.truth).accuracy.robot_position_rmse_m for r in (without, with_names))
+    assert mine <= 1.2 * best
+
+
+@pytest.mark.parametrize("space", ["2d", "planar", "3d"])
+def test_a_team_that_sees_itself_is_told_at_once(space: str) -> None:
+    """Far fewer names than sightings, and no two of one image the same."""
+    log = simulate(small(space, Robot()), seed=5)
+    told = cooled(nameless(log))
+    assert told is not None and set(told) == set(log.robots)
+    true, given = compared(log, associate(nameless(log)))
+    assert precision(true, given) >= 0.98
+    assert len(true) >= 0.7 * sum(int(is_landmark(t.keys[:, -1]).sum()) for t in log.tables)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -1,5 +1,9 @@
 """Who is who in a team's log where sightings of landmarks have no names: decided before anything is joined.
 
+    cooled   where robots see each other, and no landmark has a name, the team at once, coarsely first     (`cooling`)
+
+and else
+
     within   each piece of a robot's log alone: sightings become landmarks of its own      (`within`)
     across   maps are matched by their constellations, the surest first; what is matched is joined and matched again, so
              that what two maps leave open the third may decide; what stays open is told with its odds      (`across`)
@@ -21,6 +25,8 @@ from teamslam.model import Dataset, Dropped, Kind, Names, Submap, Table, is_land
 from teamslam.solver import Covariances
 from teamslam.trust.associate.across import Constellation, Motion, motions
 from teamslam.trust.associate.compatible import NONE, UNSURE
+from teamslam.trust.associate.cooling import cooled
+from teamslam.trust.associate.sensing import Seen
 from teamslam.trust.associate.within import CONFIRMED, FIRST, Own, Prior, again_with, judged, map_of, relabelled, within
 
 SURE = 0.99  # odds from which maps are taken to lie so
@@ -63,6 +69,8 @@ def associate(dataset: Dataset) -> Associated:
     bare = sum(int(is_unnamed(table.keys[:, -1]).sum()) for table in dataset.tables)
     if not bare:
         return Associated(dataset, 0, 0, 0, ())
+    if team := cooled(dataset):
+        return _named(dataset, [_Piece.told(dataset, robot, marks) for robot, marks in team.items()], ())
     pieces = [_Piece.of(n, piece) for n, piece in enumerate(split(dataset))]
     pieces, rivals, scale = _together(pieces)
     for _ in range(ROUNDS):
@@ -90,6 +98,12 @@ class _Piece:
         own = within(log, robot)
         marks = np.where(own.marks >= 0, own.marks + PIECE * number, own.marks)
         return cls(log, robot, own, marks, None).solved()
+
+    @classmethod
+    def told(cls, team: Dataset, robot: int, marks: IntArray) -> "_Piece":
+        """What a robot saw, of which the team has told the landmarks."""
+        log = team.with_tables(table for table in team.tables if table.robot == robot)
+        return cls(log, robot, Own(Seen.of(log, robot), marks, {}, None), marks, None)
 
     def solved(self) -> "_Piece":
         """With the map of its landmarks as they are now."""
