@@ -9,7 +9,7 @@
     python benchmarks/stress.py --teams --count 100                ... of simulated teams of hundreds of poses a robot
     python benchmarks/stress.py --real --count 200                 ... of published logs, cut, thinned and renamed
     python benchmarks/stress.py --known                            what of the suite's own logs fails, as known there
-    python benchmarks/stress.py --page PAGE.md small.json middle.json real.json           what campaigns counted
+    python benchmarks/stress.py --page PAGE.md small.json middle.json teams.json real.json   what campaigns counted
 
 What a log is made of, and what is checked of its outcome, is in tests/stress.
 """
@@ -217,7 +217,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--known", action="store_true")
-    parser.add_argument("--page", nargs=4, type=Path, metavar=("PAGE", "SMALL", "MIDDLE", "REAL"))
+    parser.add_argument("--page", nargs=5, type=Path, metavar=("PAGE", "SMALL", "MIDDLE", "TEAMS", "REAL"))
     given = parser.parse_args()
     kind = Kind(given.middle, given.teams, bool(given.real), given.real if given.real in LOGS else None)
     if given.page:
