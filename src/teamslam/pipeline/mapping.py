@@ -1,0 +1,152 @@
+"""The map of a log: submaps and their join, an exact join in rounds, a tree on workers, or full least squares.
+
+What cannot be built or joined ends nothing: it is left out, and stands in the account.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+from teamslam.config import Config
+from teamslam.errors import InputError, SolveError
+from teamslam.joining import (
+    ORDERS,
+    Joined,
+    Unbuilt,
+    accounted,
+    build_choices,
+    build_with_solution,
+    exact_join,
+    full,
+    split,
+)
+from teamslam.model import Dataset, Sources, Submap
+from teamslam.pipeline.clock import Clock
+from teamslam.scale import Workers, gather, join_in_tree
+from teamslam.solver import Options, each_side_by_side
+from teamslam.wire.pieces import write_pieces
+
+T = TypeVar("T")
+
+LONG = 5000  # rows of a piece from which on its computing outweighs the Python around it
+
+
+def mapped(
+    log: Dataset, config: Config, workers: Workers | None, work: Path | None, clock: Clock
+) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
+    """The pieces of a log, their submaps and the map that these join to; for full least squares the map alone."""
+    submaps: tuple[Submap, ...] = ()
+    pieces: list[Dataset] = []
+    if config.method == "full":
+        clock.start("full least squares")
+        joined = full(log, options=config.solver)
+    elif workers is not None:
+        pieces = pieces_of(log, config)
+        submaps, joined, unbuilt = _on_workers(pieces, workers, work, config.solver, clock)
+        joined = _with_books(log, joined, unbuilt, ())
+    elif config.join.exact:
+        submaps, joined = _in_rounds(log, config, clock)
+    else:
+        pieces = pieces_of(log, config)
+        clock.start("building submaps", len(pieces))
+        built = clock.each(_each(pieces, lambda piece: _build(piece, config.solver)))
+        whole = _whole(built)
+        submaps, remarks = tuple(submap for submap, _ in whole), [remark for _, remark in whole]
+        clock.start("joining submaps")
+        joined = ORDERS[config.join.order](submaps, options=config.solver)
+        joined = _with_books(log, joined, built, [r for r in remarks if r])
+    return pieces, submaps, joined
+
+
+def refuse_workers(config: Config) -> None:
+    """Raise InputError for options that workers cannot follow."""
+    if config.method == "full" or config.join.exact:
+        raise InputError("workers join submaps by a tree; full least squares and exact joins run in one process")
+    if config.calibrate:
+        raise InputError("workers take the noise as stated; leave out --calibrate (calibrate = true), or the workers")
+    if config.join.order != "at once":
+        raise InputError(f"workers join submaps by a tree of their own, not in the order '{config.join.order}'")
+
+
+def pieces_of(log: Dataset, config: Config) -> list[Dataset]:
+    return split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
+
+
+def pairs(pieces: Iterable[Dataset], submaps: Iterable[Submap]) -> list[tuple[Dataset, Submap]]:
+    """Each piece with the submap that was built of it: the one whose sources are the piece's rows."""
+    of_sources = {submap.sources: submap for submap in submaps}
+    both = ((piece, of_sources.get(Sources.of(piece.tables))) for piece in pieces)
+    return [(piece, submap) for piece, submap in both if submap is not None]
+
+
+def submaps_of(log: Dataset, config: Config) -> list[Submap]:
+    """The submaps of a log; what cannot be built is not among them. Raises SolveError where nothing can be."""
+    built = list(_each(pieces_of(log, config), lambda piece: _build(piece, config.solver)))
+    return [submap for submap, _ in _whole(built)]
+
+
+def _in_rounds(log: Dataset, config: Config, clock: Clock) -> tuple[tuple[Submap, ...], Joined]:
+    """Submaps built and joined exactly, from the best that can be built of each piece."""
+    pieces = pieces_of(log, config)
+    clock.start("building submaps", len(pieces))
+    built = clock.each(_each(pieces, lambda piece: build_choices(piece, options=config.solver)))
+    choices = _whole(built)
+    clock.start("joining in rounds")
+    joined = exact_join(
+        [piece for piece, found in zip(pieces, built, strict=True) if not isinstance(found, Unbuilt)],
+        choices=choices,
+        gap=config.join.gap,
+        max_rounds=config.join.max_rounds,
+        options=config.solver,
+        progress=lambda step: clock.tick(),
+    )
+    return tuple(found[0] for found in choices), _with_books(log, joined, built, ())
+
+
+def _on_workers(
+    pieces: Sequence[Dataset], workers: Workers, work: Path | None, options: Options, clock: Clock
+) -> tuple[tuple[Submap, ...], Joined, list[Unbuilt]]:
+    """Submaps built and joined on workers; from the tree's estimate on, their join at once. And what was not built."""
+    with nullcontext(work) if work else TemporaryDirectory(prefix="teamslam-") as folder:
+        files = write_pieces(pieces, Path(folder) / "pieces")
+        tree = join_in_tree(files, Path(folder), workers=workers, options=options, progress=clock.hear)
+        clock.start("joining submaps")
+        unbuilt = [Unbuilt(pieces[barren.number], barren.reason) for barren in tree.unbuilt]
+        return tree.leaves(), gather(tree, options), unbuilt
+
+
+def _each(pieces: Sequence[Dataset], make: Callable[[Dataset], T]) -> Iterator[T | Unbuilt]:
+    """What is made of each piece, or why nothing can be; long pieces several at a time."""
+
+    def tried(piece: Dataset) -> T | Unbuilt:
+        try:
+            return make(piece)
+        except SolveError as error:
+            return Unbuilt(piece, str(error))
+
+    long = any(sum(map(len, piece.tables)) > LONG for piece in pieces)
+    return each_side_by_side(tried, pieces) if long else map(tried, pieces)
+
+
+def _whole(built: Sequence[T | Unbuilt]) -> list[T]:
+    """What could be made. Raises SolveError where nothing could."""
+    made = [found for found in built if not isinstance(found, Unbuilt)]
+    if not made and built:
+        raise SolveError(next(lost.reason for lost in built if isinstance(lost, Unbuilt)))
+    return made
+
+
+def _build(piece: Dataset, options: Options) -> tuple[Submap, str]:
+    """The submap of a piece, and what is to be remarked of it."""
+    submap, solution = build_with_solution(piece, options=options)
+    if solution.converged:
+        return submap, ""
+    return submap, f"submap {submap.id} stopped {solution.decrement:.2g} sigma from its optimum, and is used as it is"
+
+
+def _with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: Sequence[str]) -> Joined:
+    lost = [found for found in built if isinstance(found, Unbuilt)]
+    return accounted(log, replace(joined, remarks=(*joined.remarks, *remarks)), lost)

@@ -1,0 +1,77 @@
+"""What is put right in a log: before it is mapped what lies, and once there is a map what is wrong with its noise."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from teamslam.config import Config
+from teamslam.joining import ORDERS, Joined, build_with_solution, exact_join, full
+from teamslam.model import Dataset, Submap
+from teamslam.pipeline.clock import Clock
+from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
+from teamslam.trust import Decisions, Suspicions, mended, suspicions, wrong_sightings
+from teamslam.trust.calibration import Calibration
+
+
+def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisions | None, Suspicions | None]:
+    """The log without wrong sightings, and with what lies put right, where that was asked for; and what was found."""
+    decisions, suspected = None, None
+    if config.trust.reject:
+        clock.start("wrong sightings")
+        decisions = wrong_sightings(log, probability=config.trust.wrong)
+        log = decisions.kept(log)
+    if config.trust.repair:
+        clock.start("what lies")
+        suspected = suspicions(log, submaps_of(log, config))
+        log = mended(log, suspected)
+    return log, decisions, suspected
+
+
+def once_more(
+    log: Dataset,
+    config: Config,
+    calibration: Calibration,
+    pieces: Sequence[Dataset],
+    submaps: Sequence[Submap],
+    joined: Joined,
+    clock: Clock,
+) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
+    """The map of the log put right, from the map there is."""
+    right = calibration.put_right(log)
+    clock.start("once more, put right")
+    if config.method == "full":
+        again = full(right, initial=_moved(joined, calibration), options=config.solver)
+        return [], (), replace(_carrying(again, calibration, right), left_out=joined.left_out, remarks=joined.remarks)
+    whole = pairs(pieces or pieces_of(log, config), submaps)
+    clock.start("once more, put right", len(whole))
+    pieces = [calibration.put_right(piece) for piece, _ in whole]
+    both = zip(pieces, (submap for _, submap in whole), strict=True)
+    built = clock.each(
+        build_with_solution(piece, options=config.solver, near=calibration.start_of(submap))[0]
+        for piece, submap in both
+    )
+    if config.join.exact:
+        again = exact_join(
+            pieces,
+            choices=[[submap] for submap in built],
+            gap=config.join.gap,
+            max_rounds=config.join.max_rounds,
+            options=config.solver,
+        )
+        again = _carrying(again, calibration, right)
+    else:
+        carried = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
+        again, built = ORDERS[config.join.order](carried, options=config.solver), tuple(carried)
+    return pieces, built, replace(again, left_out=joined.left_out, remarks=joined.remarks)
+
+
+def _moved(joined: Joined, calibration: Calibration) -> Joined:
+    """Maps where they go when their log is put right."""
+    starts = (calibration.start_of(c.map).only(c.map.values.layout.keys) for c in joined.components)
+    moved = (replace(c, map=replace(c.map, values=v)) for c, v in zip(joined.components, starts, strict=True))
+    return replace(joined, components=tuple(moved))
+
+
+def _carrying(joined: Joined, calibration: Calibration, log: Dataset) -> Joined:
+    """Maps with the systematic errors of their measurements among their variables."""
+    carried = (replace(c, map=calibration.carried_by_all(c.map, log.tables)) for c in joined.components)
+    return replace(joined, components=tuple(carried))

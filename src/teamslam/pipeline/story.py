@@ -1,0 +1,110 @@
+"""The whole story in one page, in the paper's order:
+
+landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
+-> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
+-> what is wrong with the model of the data; where it is, once more with the data put right
+-> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from teamslam.config import Config
+from teamslam.errors import InputError, SolveError
+from teamslam.io import read
+from teamslam.joining import AtMap, Joined, cost_of, with_exactness
+from teamslam.metrics import Report, score
+from teamslam.model import Dataset, Values, a_kind, is_unnamed
+from teamslam.pipeline.clock import Clock, Progress
+from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
+from teamslam.pipeline.mending import cleared, once_more
+from teamslam.pipeline.result import Result
+from teamslam.scale import Workers
+from teamslam.solver import Covariances, meanwhile
+from teamslam.trust import assess, explained, with_plain_reasons
+from teamslam.trust.associate import associate
+from teamslam.trust.calibration import Calibration, calibrate
+
+DEFAULTS = Config()
+
+
+def run(
+    dataset: Dataset | str | Path,
+    config: Config = DEFAULTS,
+    progress: Progress | None = None,
+    *,
+    workers: Workers | None = None,
+    work: Path | None = None,
+) -> Result:
+    """Map a team's log by submap joining or by full least squares, as `config.method` says. `dataset` is a log, or the
+    file or folder that one lies in, read with `config.read`.
+
+    With `workers`, submaps are built and joined on them, by a tree; what they make lies in the folder `work`, from
+    which an interrupted run goes on (None: a folder that is gone afterwards).
+    Parts that cannot be joined are components of the result; what no map can be made of is in `joined.left_out`. Raises
+    SolveError where that is everything, InputError where workers are asked for what they cannot do.
+    """
+    if workers is not None:
+        refuse_workers(config)
+    clock = Clock(progress)
+    dataset = _log_in(dataset, config)
+    if any(is_unnamed(table.keys).any() for table in dataset.tables):
+        clock.start("landmarks without names")
+        dataset = associate(dataset).dataset
+    log = dataset if config.loss is None else dataset.with_loss(config.loss)
+    try:
+        log, decisions, suspected = cleared(log, config, clock)
+        pieces, submaps, joined = mapped(log, config, workers, work, clock)
+    except SolveError as error:
+        raise explained(error, log) from None
+    at = _at(log, joined)
+    calibration = Calibration()
+    if config.calibrate:
+        clock.start("calibration")
+        calibration = calibrate(at)
+    if not calibration.nothing:
+        pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
+    covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
+    asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
+    with meanwhile(lambda: [known.all for known in asked]):
+        if config.method == "join":
+            clock.start("exactness")
+            at = at if calibration.nothing else _at(calibration.put_right(log), joined)
+            joined = with_exactness(joined, pairs(pieces, submaps), at)
+        if not calibration.nothing:  # each row is judged by the deviation that it has alone
+            log = calibration.put_right(log, weigh=False)
+            at = _at(log, joined)
+        apart = () if config.join.exact or workers is not None else submaps
+        trust = assess(log, apart, joined, at, known=suspected, stage=clock.start)
+        joined = with_plain_reasons(joined, trust.verdict)
+        costs = [part.cost for part in trust.verdict.parts] or [cost_of(c.map, log.tables) for c in joined.components]
+        clock.start("covariances")
+    clock.start("score")
+    try:
+        scores = scores_of(joined, covariances, dataset.truth)
+    except SolveError as error:  # a map that has no covariances
+        raise explained(error, log) from None
+    return Result(
+        config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(), decisions, calibration
+    )
+
+
+def _log_in(given: Dataset | str | Path, config: Config) -> Dataset:
+    """The log that is given, or lies there. InputError in words for anything else."""
+    if isinstance(given, str | Path):
+        return read(given, None, **config.read)
+    if not isinstance(given, Dataset):
+        raise InputError(f"expected a log (a Dataset, or the path of one), found {a_kind(given)}")
+    return given
+
+
+def _at(log: Dataset, joined: Joined) -> list[AtMap]:
+    return [AtMap(log.tables, component.map) for component in joined.components]
+
+
+def scores_of(joined: Joined, covariances: Sequence[Covariances], truth: Values | None) -> tuple[Report, ...]:
+    """Each component against the truth, each aligned by itself; nothing where no truth is known."""
+    if truth is None:
+        return ()
+    both = zip(joined.components, covariances, strict=True)
+    return tuple(score(component.map, truth, covariances=known) for component, known in both)
