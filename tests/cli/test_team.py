@@ -35,9 +35,7 @@ def test_in_processes_over_sockets_it_is_the_offline_map_though_robots_are_kille
     teamslam, log: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("zenoh")
-    called = teamslam(
-        "team", log, "--out", tmp_path / "team", "--poses-per-piece", 9, "--sockets", "--speed", 8, "--kill", 1
-    )
+    called = teamslam("team", log, "--out", tmp_path / "team", "--poses-per-piece", 9, "--speed", 8, "--kill", 1)
     assert called.code == 0, called.err
     report = json.loads((tmp_path / "team" / "report.json").read_text())
     assert report["maps_equal"] and report["equal_to_offline"] and report["online_position_rmse_m"] < 0.5
@@ -55,7 +53,8 @@ def test_in_processes_over_sockets_it_is_the_offline_map_though_robots_are_kille
         (("--loss", 1.0), "a share is from 0 to below 1"),
         (("--rate", -5), "a number above 0"),
         (("--poses-per-piece", 1), "at least 2 poses"),
-        (("--kill", 2), "add --sockets"),
+        (("--kill", 2, "--in-memory"), "leave out --in-memory"),
+        (("--speed", 2, "--loss", 0.1), "leave out --in-memory, --loss"),
     ],
 )
 def test_links_that_cannot_be_are_refused(

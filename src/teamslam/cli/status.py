@@ -18,7 +18,7 @@ def status(folders: tuple[Path, ...], /) -> int:
     Parameters
     ----------
     folders
-        Folders that robots write (`teamslam robot --listen`), or folders of such (`teamslam team --sockets`).
+        Folders that robots write (`teamslam robot --listen`), or folders of such (`teamslam team`).
     """
     from teamslam.cli.console import answer, table
     from teamslam.cli.convoy import status_of

@@ -26,21 +26,23 @@ def team(
     line_rate: float | None = None,
     rate: float | None = None,
     seed: Whole = 0,
-    sockets: bool = False,
+    in_memory: bool = False,
     speed: float | None = None,
     kill: Whole = 0,
     format: str | None = None,
 ) -> int:
     """Let a team's robots drive as in its log, each with its own rows alone, and exchange submaps over poor links.
 
-    The links are within this process: they lose, delay and repeat packets by a seed, in the log's time. Robots tell
-    what they hold, ask for what they lack and pass on what they heard, until all hold the same; each makes the team map
-    of it. In the folder: `report.json` and `maps/`, the parts of the team map.
+    Each robot is a process, and the links are real sockets of this machine with certificates (needs the extra
+    `robots`). With --in-memory, or where links are to be poor, all is one process: its links lose, delay and repeat
+    packets by a seed, in the log's time. Robots tell what they hold, ask for what they lack and pass on what they
+    heard, until all hold the same; each makes the team map of it. In the folder: `report.json`, `maps/`, the parts of
+    the team map, and of robots in processes their own folders, with their journals.
 
     ```
     teamslam team MRCLAM_Dataset6 --out team
     teamslam team MRCLAM_Dataset6 --out team --loss 0.3 --delay 0.5 --line-rate 20000
-    teamslam team MRCLAM_Dataset6 --out team --sockets --speed 60 --kill 3
+    teamslam team MRCLAM_Dataset6 --out team --speed 60 --kill 3
     ```
 
     Exit codes: 0 done; 1 some robot's map is another than the rest's, or something is in no map; 2 bad input or usage.
@@ -58,24 +60,23 @@ def team(
     landmarks
         How many landmarks a robot carries from moment to moment at most.
     loss
-        The share of packets that are lost.
+        The share of packets that are lost, in memory.
     delay
-        How long a packet takes at most [s]; each takes another time, so that they overtake each other.
+        How long a packet takes at most [s], in memory; each takes another time, so that they overtake each other.
     twice
-        The share of packets that come twice.
+        The share of packets that come twice, in memory.
     line_rate
-        How many bytes a second a line between two robots carries. By default any number.
+        How many bytes a second a line between two robots carries, in memory. By default any number.
     rate
         How many bytes of submaps a second a robot sends to each other. By default all that it is asked for.
     seed
         Of what becomes of packets.
-    sockets
-        A process for each robot, over real sockets of this machine with certificates, in real time. Each robot's folder
-        is in `out`, with its journal.
+    in_memory
+        All robots in this process, over links in memory; so it is too where these lose, delay or repeat packets.
     speed
-        With --sockets: how many seconds of the log go by in one. By default as fast as can be.
+        Of robots in processes: how many seconds of the log go by in one. By default as fast as can be.
     kill
-        With --sockets: how often some robot is killed (SIGKILL) on the way, and started anew.
+        Of robots in processes: how often some robot is killed (SIGKILL) on the way, and started anew.
     format
         The format of the log, where it cannot be told from its looks.
     """
@@ -94,8 +95,12 @@ def team(
     options = Options(poses_per_piece, heading_sigma, 0.0, landmarks)
     weather, habits = Weather(loss, twice, 0.0, delay, line_rate), Habits(rate=rate)
     dataset = read(log, format=format)
+    sockets = not (in_memory or weather != Weather())
     if not sockets and (speed is not None or kill):
-        raise InputError("--speed and --kill are for robots in processes of their own; add --sockets")
+        raise InputError(
+            "--speed and --kill are for robots in processes of their own; leave out --in-memory, --loss, --delay, "
+            "--twice and --line-rate"
+        )
     if sockets:
         report, parts = _in_processes(log, dataset, options, out, speed, kill, seed, format)
     else:
