@@ -89,6 +89,12 @@ class Table:
         """The row of MODELS."""
         return MODELS[self.model]
 
+    @property
+    def kind(self) -> tuple[str, str, int]:
+        """Source, model and dimension: rows of one kind have the same parts, whoever measured them, and are stacked;
+        rows of one source and model may be of the plane and of space."""
+        return self.source, self.model, self.dim
+
     @cached_property
     def dof(self) -> int:
         """Numbers measured in all: rows of the whitened residual, without those that say nothing."""

@@ -55,30 +55,46 @@ def noise_of(rows: Sequence[Rows]) -> list[Noise]:
 
 
 def _parts(group: Sequence[Rows]) -> Iterator[tuple[str, int, float, float, float]]:
-    table, count = group[0].table, sum(map(len, group))
-    if count < FEWEST:
-        return
-    size = np.abs(np.concatenate([r.parts for r in group]))
-    kept = _signs_kept(group)
-    followed = np.average([r.followed for r in group], axis=0, weights=[len(r) for r in group])
-    for place, name in enumerate(table.row.part_names(table.dim)):
-        left = 1.0 - followed[place]
+    """Part by part, known by their names: who sees robots on the ground and in the air has rows of both dimensions."""
+    names = list(dict.fromkeys(name for r in group for name in _names(r)))
+    parts = np.concatenate([_under(names, r, r.parts) for r in group])
+    counts = np.count_nonzero(~np.isnan(parts), axis=0).tolist()
+    kept = _signs_kept(group, parts)
+    shares = np.concatenate([_under(names, r, np.tile(r.followed, (len(r), 1))) for r in group])
+    for place, (name, count) in enumerate(zip(names, counts, strict=True)):
+        if count < FEWEST:
+            continue
+        left = 1.0 - float(np.nanmean(shares[:, place]))
         if left < LEFT:
             continue
-        scale = float(np.median(size[:, place])) / MEDIAN / np.sqrt(left)
-        beyond = np.mean(size[:, place] > ONE_IN_1000 * max(scale, 1.0) * np.sqrt(left))
+        measured = ~np.isnan(parts[:, place])
+        size = np.abs(parts[measured, place])
+        scale = float(np.median(size)) / MEDIAN / np.sqrt(left)
+        beyond = np.mean(size > ONE_IN_1000 * max(scale, 1.0) * np.sqrt(left))
         yield name, count, scale, max(float(beyond) - 0.001, 0.0), float(kept[place])
 
 
-def _signs_kept(group: Sequence[Rows]) -> Array:
-    """The share of successive residuals of one thing that are of one sign (r,), by part; as of noise where hardly
-    anything was seen twice running."""
+def _names(rows: Rows) -> tuple[str, ...]:
+    return rows.table.row.part_names(rows.table.dim)
+
+
+def _under(names: Sequence[str], rows: Rows, numbers: Array) -> Array:
+    """Numbers of each part of some rows (m, r) as columns under `names` (m, n); not a number where they have no such
+    part."""
+    out = np.full((len(rows), len(names)), np.nan)
+    out[:, [names.index(name) for name in _names(rows)]] = numbers
+    return out
+
+
+def _signs_kept(group: Sequence[Rows], parts: Array) -> Array:
+    """The share of successive residuals of one thing that are of one sign (n,), of each of the group's `parts` (m, n);
+    as of noise where hardly anything was seen twice running."""
     own = group[0].table.source == "odometry"
     seen = np.concatenate([r.table.keys[:, -1] for r in group])
     thing = np.zeros(len(seen), np.int64) if own else np.where(is_pose(seen), robot_of(seen), seen)
     order = np.lexsort((np.concatenate([r.observers for r in group]), thing))
-    sign = np.sign(np.concatenate([r.parts for r in group])[order])
-    running = np.diff(thing[order]) == 0
-    if np.count_nonzero(running) < FEWEST_PAIRS:
-        return np.full(sign.shape[1], 0.5)
-    return np.asarray((sign[1:] == sign[:-1])[running].mean(0))
+    sign = np.sign(parts[order])
+    running = (np.diff(thing[order]) == 0)[:, None] & ~np.isnan(sign[1:]) & ~np.isnan(sign[:-1])
+    count = np.count_nonzero(running, axis=0)
+    same = np.count_nonzero(running & (sign[1:] == sign[:-1]), axis=0)
+    return np.where(count < FEWEST_PAIRS, 0.5, same / np.maximum(count, 1))

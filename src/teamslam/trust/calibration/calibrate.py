@@ -128,11 +128,11 @@ def _slips(found: Estimate) -> list[Slip]:
 
 def _lasting(found: Estimate) -> list[Lasting]:
     out = []
-    for (source, model), parts in found.kinds.items():
-        members = [k for k, t in enumerate(found.linear.tables) if (t.source, t.model) == (source, model)]
+    for kind, parts in found.kinds.items():
+        members = [k for k, t in enumerate(found.linear.tables) if t.kind == kind]
         table = found.linear.tables[members[0]]
         counts = np.median(np.concatenate([found.tempers[k] ** 2 for k in members]), 0)
         for name, persistence, count in zip(table.row.part_names(table.dim), parts, counts, strict=True):
             if not persistence.nothing:
-                out.append(Lasting(source, name, persistence, float(count)))
+                out.append(Lasting(table.source, name, persistence, float(count)))
     return out

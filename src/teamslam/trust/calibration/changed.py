@@ -33,7 +33,7 @@ class Change:
     def of(self, table: Table) -> bool:
         """Whether it is about this table's rows."""
         mine = self.rows
-        return (mine.robot, mine.source, mine.model) == (table.robot, table.source, table.model)
+        return (mine.robot, mine.kind) == (table.robot, table.kind)
 
     def apply(self, table: Table, *, weigh: bool) -> Iterator[Table]:
         """The table's rows put right, each as it is alone, or, to `weigh` them, by what it counts. Rows that nothing is
@@ -58,8 +58,7 @@ class Change:
 
 def put_right(tables: Iterable[Table], changes: Sequence[Change], *, weigh: bool = True) -> list[Table]:
     """The tables of a log with all changes made."""
-    out: list[Table] = []
-    for table in tables:
-        change = next((c for c in changes if c.of(table)), None)
-        out += [table] if change is None else change.apply(table, weigh=weigh)
+    out = list(tables)
+    for change in changes:  # a sensor has one for each of its tables, which tell their rows by ids
+        out = [new for old in out for new in (change.apply(old, weigh=weigh) if change.of(old) else [old])]
     return out

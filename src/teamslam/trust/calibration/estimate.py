@@ -26,7 +26,7 @@ FEWEST = 10  # numbers to spare, from which something may be told
 class Estimate:
     """What was found at a map: of each table of `linear` the `scales` (rows,) of its deviations and the `tempers`
     (m, rows) of its rows, and the noise that they have (`now`, not tempered); `kinds` the persistence of each part by
-    (source, model); `theta` of slips; the last `fit`."""
+    kind of rows; `theta` of slips; the last `fit`."""
 
     linear: Linear
     scales: tuple[Array, ...]
@@ -70,7 +70,7 @@ def systematic_of(found: Estimate) -> list[Systematic]:
             tau *= np.sqrt(relative / robots)
         out.append(
             Systematic(
-                table.robot, table.source, table.model, term.name, term.unit, float(value * size),
+                table.robot, *table.kind, term.name, term.unit, float(value * size),
                 float(sigma * size), float(tau * size), table.ids[order], column.effect[order],
             )
         )  # fmt: skip

@@ -18,7 +18,7 @@ MOST = 0.5  # of the variance
 
 
 def hidden(
-    fit: Fit, now: Sequence[Noise], kinds: Mapping[tuple[str, str], Sequence[int]], rng: np.random.Generator
+    fit: Fit, now: Sequence[Noise], kinds: Mapping[tuple[str, str, int], Sequence[int]], rng: np.random.Generator
 ) -> Mapping[int, BoolArray]:
     """Of each table of sightings, by `kinds`, which parts' common errors (rows,) the map takes up; all robots'
     together."""

@@ -28,7 +28,7 @@ FALSE_ALARM = 0.01  # that any scale is changed of a team whose sigmas are right
 ROUNDING = 1e-6
 SLIGHT = 0.03  # share of the stated variance, with which a slip begins
 
-Kind = tuple[str, str]
+Kind = tuple[str, str, int]
 Kinds = Mapping[Kind, tuple[Persistence, ...]]
 
 
@@ -41,10 +41,9 @@ class Search:
         self.kinds: dict[Kind, list[int]] = {}
         for k, table in enumerate(tables):
             if is_sighting(table):
-                self.kinds.setdefault((table.source, table.model), []).append(k)
+                self.kinds.setdefault(table.kind, []).append(k)
         self.alike = [
-            [k for k, t in enumerate(tables) if (t.source, t.model, t.dim) == kind]
-            for kind in dict.fromkeys((t.source, t.model, t.dim) for t in tables)
+            [k for k, t in enumerate(tables) if t.kind == kind] for kind in dict.fromkeys(t.kind for t in tables)
         ]
         self.pairs = {kind: Pairs.of([tables[k] for k in members], self.names) for kind, members in self.kinds.items()}
         self.stated = [Noise.stated(table) for table in tables]

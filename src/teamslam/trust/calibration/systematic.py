@@ -16,6 +16,7 @@ class Systematic:
     robot: int
     source: str
     model: str
+    dim: int
     term: str
     unit: str
     value: float
@@ -26,7 +27,7 @@ class Systematic:
 
     def on(self, table: Table) -> Array | None:
         """Its effect on the rows of a table (m, rows), zero where none is known; None where it is about others."""
-        if (self.robot, self.source, self.model) != (table.robot, table.source, table.model) or not len(self.ids):
+        if (self.robot, self.source, self.model, self.dim) != (table.robot, *table.kind) or not len(self.ids):
             return None
         at = np.minimum(np.searchsorted(self.ids, table.ids), len(self.ids) - 1)
         return np.where((self.ids[at] == table.ids)[:, None], self.effect[at], 0.0)

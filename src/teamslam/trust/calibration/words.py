@@ -25,7 +25,7 @@ def _scales(found: Calibration) -> Iterator[str]:
         for scale in found.scales:
             if (scale.source, scale.part) == (source, part):
                 of.setdefault(f"{scale.scale:.2g}", []).append(found.names.robot(scale.robot))
-        values = ", ".join(f"{times} for {_robots(names)}" for times, names in of.items())
+        values = ", ".join(f"{times} for {_robots(list(dict.fromkeys(names)))}" for times, names in of.items())
         yield f"errors of {rows_called(source)} in {part} are not as large as stated, but times {values}"
 
 

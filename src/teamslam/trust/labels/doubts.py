@@ -47,7 +47,8 @@ def doubts_of(part: Submap, joined: Submap, factor: Factor) -> Doubts:
     at = system.linearise(near)
     H, g, free = at.hessian.to_csr().toarray(), at.gradient, system.free  # dense by nature
     blocks = [free.unknowns(np.array([key])) for key in part.landmark_keys.tolist()]
-    pulls = [float(g[block] @ np.linalg.solve(H[np.ix_(block, block)], g[block])) for block in blocks]
+    own_of = [H[np.ix_(block, block)] for block in blocks]  # singular where a place in space is seen in the plane alone
+    pulls = [_brings(h, g[block], UNCHECKED * float(np.trace(h))) for h, block in zip(own_of, blocks, strict=True)]
     asked = np.argsort(-np.array(pulls), kind="stable")[:WORST]
     unknowns = np.concatenate([blocks[i] for i in asked.tolist()])
     across, own = np.zeros((joined.values.layout.dof, len(unknowns))), joined.values.layout.unknowns(free.keys)

@@ -68,7 +68,8 @@ def put_right(table: Table, log: Dataset, mistakes: Sequence[Mistaken]) -> Table
         rows = _of(table, mistake.by, mistake.named)
         if len(rows):
             right = pose_key(mistake.right, index_of(table.keys[rows, 1]))
-            keys[rows, 1], known[rows] = right, np.isin(right, log.pose_keys[mistake.right])
+            keys[rows, 1] = right
+            known[rows] = np.isin(right, log.pose_keys[mistake.right]) & _can_name(table, log, mistake.right)
     return replace(table, keys=keys).select(known) if (keys != table.keys).any() else table
 
 
@@ -120,7 +121,7 @@ def _sizes(log: Dataset, robot: int, named: int, other: int, values: Values) -> 
     found = [np.zeros(0)]
     for table in log.tables:
         rows = _of(table, robot, named)
-        if not len(rows):
+        if not len(rows) or not _can_name(table, log, other):
             continue
         part = table.select(rows)
         keys, known = _at_its_time(part.keys, other, values)
@@ -128,6 +129,11 @@ def _sizes(log: Dataset, robot: int, named: int, other: int, values: Values) -> 
         if len(part):
             found.append(_over_median(part, values))
     return np.concatenate(found)
+
+
+def _can_name(table: Table, log: Dataset, robot: int) -> bool:
+    """Whether rows of a table may be sightings of a robot: those of the plane are of none that moves in space."""
+    return log.robots[robot] <= table.dim
 
 
 def _at_its_time(keys: IntArray, other: int, values: Values) -> tuple[IntArray, BoolArray]:

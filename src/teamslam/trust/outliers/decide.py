@@ -180,7 +180,7 @@ def _alone(log: Dataset) -> tuple[tuple[BoolArray, ...], tuple[Open, ...]]:
 
 
 def _same_sensor(one: Table, other: Table) -> bool:
-    return (one.robot, one.source, one.model, one.dim) == (other.robot, other.source, other.model, other.dim)
+    return (one.robot, one.kind) == (other.robot, other.kind)
 
 
 def _graduated(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, lift_points
-from teamslam.model import SQUARED, Table, Values, is_landmark, is_pose, robot_of
+from teamslam.model import SQUARED, Kind, Table, Values, is_landmark, is_pose, robot_of
 
 SLACK = 1.0 + 1e-9
 
@@ -38,16 +38,16 @@ class Eye:
         seen = _seen(table, values)
         distance = np.linalg.norm(seen, axis=-1)
         ahead = seen[:, 0] >= self.cosine * distance - 1e-9 * self.reach
-        return np.asarray((distance > 0.0) & (distance <= self.reach * SLACK) & ahead)
+        return np.asarray((distance > 0.0) & (distance <= self.reach * SLACK) & ahead & _can_name(table, values))
 
 
 def eyes_of(tables: Sequence[Table], values: Values) -> list[Eye]:
-    """The sensors that a team has used to see landmarks and each other, one for each robot, source and model."""
-    found: dict[tuple[int, str, str, bool], list[Eye]] = {}
+    """The sensors that a team has used to see landmarks and each other, one for each robot and kind of rows."""
+    found: dict[tuple[int, tuple[str, str, int], bool], list[Eye]] = {}
     for table in tables:
         for sees_robots, rows in _kinds_of_rows(table):
             eye = _eye(table.select(rows), sees_robots, values)
-            found.setdefault((table.robot, table.source, table.model, sees_robots), []).append(eye)
+            found.setdefault((table.robot, table.kind, sees_robots), []).append(eye)
     return [max(eyes, key=lambda eye: eye.reach) for eyes in found.values()]
 
 
@@ -70,6 +70,13 @@ def _eye(table: Table, sees_robots: bool, values: Values) -> Eye:
     usual = int(np.argsort(information, kind="stable")[(len(table) - 1) // 2])
     like = replace(table.select(np.array([usual])), loss=SQUARED)
     return Eye(like, sees_robots, float(distance.max(initial=0.0)), cosine)
+
+
+def _can_name(table: Table, values: Values) -> BoolArray:
+    """Whether rows (m,) may be of what they name: those of the plane see no pose in space and measure none from it."""
+    in_space = values.layout.kinds[values.layout.index(table.keys)] == Kind.POSE3
+    in_space[:, 0] &= table.row.targets_pose
+    return np.asarray((table.dim == 3) | ~in_space.any(1))
 
 
 def _seen(table: Table, values: Values) -> Array:
