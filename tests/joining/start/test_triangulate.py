@@ -61,6 +61,21 @@ def test_a_robot_with_a_poor_sensor_still_maps(model: str) -> None:
         assert np.abs(map_.values.minus(truth.only(map_.values.layout.keys))).max() < 0.5
 
 
+@settings(max_examples=40, deadline=None)
+@given(generators, st.sampled_from([2, 3]), st.floats(0.0, 6.0), st.integers(1, 3))
+def test_few_ranges_from_far_away_are_answered(rng: np.random.Generator, sensor: int, far: float, count: int) -> None:
+    """Landmarks in space, from sensors a long way from the origin, of the plane or of space: some place, no error."""
+    n = 60
+    away = 10.0**far * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    eyes = Pose.from_tangent(rng.normal(scale=2.0, size=(n * count, 6)) + away, 3)
+    keys = np.stack([pose_key(1, np.arange(n * count)), landmark_key(np.tile(np.arange(n), count))], -1)
+    seen = rng.uniform(0.1, 9.0, (n * count, 1))
+    table = Table(1, "landmarks", "range", sensor, keys, seen, np.ones((1, 1, 1)), np.arange(n * count))
+    start = Values.of({pose_kind(3): (keys[:, 0], eyes)})
+    places, _ = Bundle.of([table], start, landmark_key(np.arange(n)), 3).intersected()
+    assert np.isfinite(places).all()
+
+
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["bearing", "range"]), st.sampled_from([2, 3]), st.floats(-6.0, 2.0))
 @settings(max_examples=25)
 def test_one_sighting_that_tells_less_than_a_place_gives_none(seed: int, model: str, dim: int, power: float) -> None:

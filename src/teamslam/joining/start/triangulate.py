@@ -109,7 +109,9 @@ class Bundle:
         across = normal[:, :d, d]
         left = normal[:, :d, :d] - across[:, :, None] * across[:, None, :] / square[:, None, None]
         wanted = right[:, :d] - across * (right[:, d] / square)[:, None]
-        ridge = 1e-12 * np.maximum(np.trace(left, axis1=1, axis2=2), 1e-12)
+        # What is left may be nothing but rounding of what was there: the ridge is above that.
+        before, after = (np.trace(part, axis1=1, axis2=2) for part in (normal[:, :d, :d], left))
+        ridge = np.maximum(1e-12 * after, np.maximum(1e-14 * before, 1e-24))
         straight = np.linalg.solve(left + ridge[:, None, None] * np.eye(d), wanted[..., None])[..., 0]
         return self.on_either_side(straight)
 
