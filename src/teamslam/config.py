@@ -24,7 +24,6 @@ that names the key and, for a misspelt one, the nearest key there is.
 
 import difflib
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from enum import Enum
@@ -35,6 +34,7 @@ import msgspec
 import tomli_w
 
 from teamslam.errors import InputError
+from teamslam.io.files.toml import read_toml
 from teamslam.joining import ORDERS
 from teamslam.model import Loss
 from teamslam.solver import Options as SolverOptions
@@ -127,15 +127,7 @@ class Config:
 def read_config(path: str | Path) -> Config:
     """The options in a TOML file. InputError names the file, the key and the cure."""
     path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"the options cannot be read: {error.strerror or error}", path=path) from None
-    except UnicodeDecodeError:
-        raise InputError("not a text file; expected options in TOML", path=path) from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", path=path) from None
-    return config_from(table, path=path)
+    return config_from(read_toml(path), path=path)
 
 
 def config_from(table: Mapping[str, Any], *, path: str | Path | None = None) -> Config:

@@ -4,6 +4,7 @@ Covariances are upper triangles, columns `cov_a_b`, of the errors [x y heading] 
 spatial ones (translation in the map's frame, rotation in the body's own), [x y] or [x y z] of points.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
@@ -24,12 +25,12 @@ UNITS = {"x": "m", "y": "m", "z": "m", "heading": "rad", "rx": "rad", "ry": "rad
 Columns = dict[str, AnyArray]
 
 
-class Tabular:
+class Tabular(ABC):
     """A record that is a table: `columns()` as arrays, `to_dataframe()` with pandas."""
 
+    @abstractmethod
     def columns(self) -> Columns:
         """The table as arrays (n,) by the name of their column."""
-        raise NotImplementedError
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """The table as a pandas DataFrame. Raises MissingExtraError without pandas; `columns()` needs none."""

@@ -10,6 +10,7 @@ tells nothing: the robot is taken to have gone on as the motion model says, with
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from teamslam.frontend.interpolate import interpolate
@@ -17,8 +18,7 @@ from teamslam.frontend.streams import TICKS_PER_S, Track
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
 
 
-@dataclass(frozen=True)
-class WayNoise:
+class WayNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What is stated of a robot's motion: `speed_m_s` and `turn_rad_s`, the usual ones of the motion model;
     `fastest_m_s`, beyond which odometry jumped; its noise per root of a second and of a metre (`drift_m`, `slip_m`),
     and per root of a second and of a radian in turning (`drift_rad`, `slip_rad`)."""

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
@@ -249,7 +248,7 @@ def _keyframes(team: Sequence[_Seen], numbers: Mapping[str, int]) -> dict[int, I
 
 
 def _odometry(robot: _Seen, number: int, ticks: IntArray, book: _Book) -> list[Table]:
-    noise, dim = WayNoise(**msgspec.structs.asdict(robot.entry.motion)), robot.entry.dim
+    noise, dim = robot.entry.motion, robot.entry.dim
     if robot.track is not None:
         pairs = np.stack([ticks[:-1], ticks[1:]], -1)
         steps = steps_between(robot.track, ticks, noise)

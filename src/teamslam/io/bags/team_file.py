@@ -26,7 +26,6 @@ number = 20
 """
 
 import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,7 +34,9 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.frontend.tags.rows import Tag
+from teamslam.frontend.way import WayNoise
 from teamslam.geometry import Pose
+from teamslam.io.files.toml import read_toml
 
 
 class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -79,19 +80,6 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True)
     delay_s: float = 0.0
 
 
-class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What is stated of a robot's motion and odometry, as `frontend.way.WayNoise`."""
-
-    speed_m_s: float = 1.0
-    turn_rad_s: float = 1.0
-    fastest_m_s: float = 3.0
-    fastest_rad_s: float = 6.0
-    drift_m: float = 0.01
-    slip_m: float = 0.03
-    drift_rad: float = 0.003
-    slip_rad: float = 0.02
-
-
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A robot: its recording, the topic of its odometry, its cameras and the tags it carries. Of its images one is used
     every `image_every_s`, the one that shows most tags."""
@@ -101,7 +89,7 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     odometry: str | None = None
     dim: int = 3
     image_every_s: float = 0.25
-    motion: Motion = Motion()
+    motion: WayNoise = WayNoise()
     camera: list[CameraEntry] = []
     tag: list[CarriedTag] = []
 
@@ -164,13 +152,7 @@ def is_team_file(path: Path) -> bool:
 def read_team_file(path: Path) -> TeamFile:
     """The team file at a path. InputError names the field that is wrong."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", path=path) from None
-    except ValueError as error:  # no UTF-8, or no TOML
-        raise InputError(f"not valid TOML: {error}", path=path) from None
-    try:
-        team = msgspec.convert(table, TeamFile)
+        team = msgspec.convert(read_toml(path), TeamFile)
     except msgspec.ValidationError as error:
         problem, _, place = str(error).partition(" - at ")
         where = place.strip("`").removeprefix("$.") or None

@@ -2,7 +2,6 @@
 
 import difflib
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import msgspec
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.io.files.delimited import read_text
+from teamslam.io.files.toml import read_toml
 from teamslam.model import LOSSES, MODELS
 from teamslam.model.keys import MAX_ROBOT
 
@@ -106,13 +105,7 @@ def read_team(folder: Path) -> Team:
     if not folder.is_dir():
         raise InputError("no such folder; expected a folder with team.toml and CSV files", path=folder)
     try:
-        table = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", path=path) from None
-    except RecursionError:
-        raise InputError("nested too deeply; expected the tables of docs/formats.md", path=path) from None
-    try:
-        team = msgspec.convert(table, Team)
+        team = msgspec.convert(read_toml(path), Team)
     except msgspec.ValidationError as error:
         raise _translated(str(error), path) from None
     _check(team, path)

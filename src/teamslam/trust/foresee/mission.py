@@ -17,7 +17,6 @@ numbers all is in the plane. Robots start together and stop where their way ends
 """
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -28,6 +27,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
+from teamslam.io.files.toml import read_toml
 from teamslam.model import Dataset, Names, landmark_number
 from teamslam.sim import Odometry, Robot, Sensor, World, observe
 
@@ -87,14 +87,7 @@ class _NumberedWorld(World):
 def read_mission(path: str | Path) -> Mission:
     """The mission in a TOML file. InputError names the file, the key and the cure."""
     path = Path(path)
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"the mission cannot be read: {error.strerror or error}", path=path) from None
-    except UnicodeDecodeError:
-        raise InputError("not a text file; expected a mission in TOML", path=path) from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", path=path) from None
+    given = read_toml(path)
     try:
         return mission_from(given)
     except InputError as error:
