@@ -12,6 +12,7 @@ from teamslam.cli.build import build
 from teamslam.cli.codes import BAD_INPUT, BUG, DONE, NO_MAP
 from teamslam.cli.console import complain, screen
 from teamslam.cli.convert import convert
+from teamslam.cli.data import data
 from teamslam.cli.demo import demo
 from teamslam.cli.exchange import exchange
 from teamslam.cli.info import info
@@ -55,6 +56,7 @@ STORY = (demo, run, plan, simulate, convert, info, score, plot, view, paper)
 PARTS = (split, build, join, exchange, robot, team, status, keys)
 for command in (*STORY, *PARTS):
     app.command(spoken(command))
+app.command(data)
 
 
 def called(arguments: Sequence[str] | None) -> int:
