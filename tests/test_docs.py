@@ -1,16 +1,23 @@
 """The pages name every format, sensor, loss and command that there is, and link only to what exists."""
 
 import re
+import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from markdown_it import MarkdownIt
 
 from teamslam.cli.app import app
 from teamslam.io import FORMATS, SUBMAP_FORMATS
 from teamslam.model import LOSSES, MODELS
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+PAGES = sorted([*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"])
+MARKDOWN = MarkdownIt("commonmark").enable("table")
+
+sys.path.insert(0, str(ROOT / "scripts"))
+import pages  # noqa: E402
 
 
 @pytest.mark.parametrize("name", [*FORMATS, *SUBMAP_FORMATS])
@@ -36,6 +43,45 @@ def test_every_command_is_described() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+    """To a file that is there, and to a heading that is in it."""
+    for target, _, heading in links(page):
         if not target.startswith("http"):
-            assert (page.parent / target).exists(), target
+            other = page.parent / target if target else page
+            assert other.exists(), target
+            assert not heading or heading in headings(other), f"{target}#{heading}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_plain_renderer_shows_no_directive(page: Path) -> None:
+    """Every page reads as Markdown in the repository: nothing in it is for one program that builds it."""
+    for token in MARKDOWN.parse(page.read_text(encoding="utf-8")):
+        assert not (token.type == "fence" and token.info.startswith("{")), token.content[:80]
+        for part in token.children or [token]:
+            if part.type == "text":
+                assert not re.search(r"^(:::|\.\. \w+::)|\{\w+(:\w+)?\}$", part.content), part.content
+    assert not re.search(r"^```\{|^:::", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+def test_what_a_page_takes_from_docstrings_is_as_they_say(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert pages.written(text) == text, f"run: python scripts/pages.py (it writes docs/{page.name} anew)"
+
+
+def test_every_page_is_in_the_contents() -> None:
+    listed = {(ROOT / "docs" / target).resolve() for target, _, _ in links(ROOT / "docs" / "index.md")}
+    assert {page.resolve() for page in (ROOT / "docs").rglob("*.md") if page.name != "index.md"} <= listed
+
+
+def links(page: Path) -> list[tuple[str, str, str]]:
+    """What a page links to: file, "#", heading."""
+    inline = [part for token in MARKDOWN.parse(page.read_text(encoding="utf-8")) for part in token.children or []]
+    found = [part.attrGet("href") or part.attrGet("src") for part in inline if part.type in ("link_open", "image")]
+    return [str(target).partition("#") for target in found]
+
+
+def headings(page: Path) -> set[str]:
+    """What a page's headings are called in links, as public hosts of repositories have it."""
+    tokens = MARKDOWN.parse(page.read_text(encoding="utf-8"))
+    texts = [after.content for token, after in pairwise(tokens) if token.type == "heading_open"]
+    return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in texts}
