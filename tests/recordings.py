@@ -97,3 +97,28 @@ def transform(topic, stamp_ns, parent, child, position, type="tf2_msgs/msg/TFMes
         return types[type]([one])
 
     return topic, type, stamp_ns, make
+
+
+def image(topic, stamp_ns, pixels, encoding="mono8", step=None, received_ns=None):
+    """One raw image of bytes (h, w) or (h, w, channels)."""
+
+    def make(store, header):
+        height, width = pixels.shape[:2]
+        data = np.frombuffer(pixels.tobytes(), np.uint8)
+        length = step or data.size // height
+        return store.types["sensor_msgs/msg/Image"](
+            header(stamp_ns, "camera"), height, width, encoding, 0, length, data
+        )
+
+    return topic, "sensor_msgs/msg/Image", received_ns or stamp_ns, make
+
+
+def compressed(topic, stamp_ns, data, format="png"):
+    """One compressed image, of the bytes of a file."""
+
+    def make(store, header):
+        return store.types["sensor_msgs/msg/CompressedImage"](
+            header(stamp_ns, "camera"), format, np.frombuffer(data, np.uint8)
+        )
+
+    return topic, "sensor_msgs/msg/CompressedImage", stamp_ns, make

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from teamslam.pipeline import Progress
 
 
+MANY = 50  # parts of a stage, of which it is worth saying how many come a second
+
+
 def screen() -> "Console":
     """The console of help, as wide as the terminal, or 80 letters."""
     return _console()
@@ -126,12 +129,30 @@ def progress_bar() -> Iterator["Progress"]:
     if voice().verbose:
         yield _stages()
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        SpinnerColumn,
+        Task,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+    from rich.text import Text
+
+    class Speed(ProgressColumn):
+        """How many parts a second, where there are many."""
+
+        def render(self, task: Task) -> Text:
+            many = task.total is not None and task.total >= MANY
+            return Text(f"{task.speed:,.0f}/s" if many and task.speed else "")
 
     console = stderr()
     spinner = SpinnerColumn("dots" if console.encoding.startswith("utf") else "line")
     columns = (
-        spinner, TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        spinner, TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), Speed(),
+        TimeElapsedColumn(),
     )  # fmt: skip
     with Progress(*columns, console=console, transient=True, disable=not in_prose() or not console.is_terminal) as bar:
         tasks: dict[str, int] = {}
@@ -155,7 +176,9 @@ def _stages() -> "Progress":
             began[stage] = perf_counter()
             detail(f"{stage} ...")
         elif of and done >= of and began[stage] > 0.0:
-            detail(f"{stage}: {perf_counter() - began[stage]:.2f} s" + (f", {of:,} parts" if of > 1 else ""))
+            took = perf_counter() - began[stage]
+            parts = f", {of:,} parts, {of / max(took, 1e-9):,.0f} a second" if of > 1 else ""
+            detail(f"{stage}: {took:.2f} s{parts}")
             began[stage] = 0.0
 
     return tell

@@ -30,16 +30,17 @@ def info(input: Path, /, *, format: str | None = None) -> int:
         The format of the input, where it cannot be told from its looks.
     """
     from teamslam.cli.codes import DONE, PARTLY
-    from teamslam.cli.console import answer, pairs, say, table
+    from teamslam.cli.console import answer, pairs, progress_bar, say, table
     from teamslam.errors import in_words
     from teamslam.inspection import inspect
-    from teamslam.io import read
+    from teamslam.io import read_log
     from teamslam.io.bags import is_recording
     from teamslam.results.words import counted
 
     if format is None and is_recording(input):
         return _recording(input)
-    dataset = read(input, format=format)
+    with progress_bar() as progress:
+        dataset = read_log(input, format=format, progress=progress)
     found, names = inspect(dataset), dataset.names
     kinds = {2: "plane", 3: "space"}
     pairs(

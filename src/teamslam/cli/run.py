@@ -96,7 +96,7 @@ def run(
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.options import config_for
     from teamslam.cli.parts import parts_beside, workers_for
-    from teamslam.io import read
+    from teamslam.io import read_log
     from teamslam.pipeline import refuse_workers
     from teamslam.pipeline import run as run_pipeline
     from teamslam.results import Record, drawing, refuse_to_overwrite, write_record
@@ -122,7 +122,7 @@ def run(
         refuse_workers(options)
     with progress_bar() as progress, ExitStack() as meanwhile:
         progress("reading", 0, 0)
-        dataset = read(input, format=format, **options.read)
+        dataset = read_log(input, options.read, format=format, progress=progress)
         progress("reading", 1, 1)
         detail(f"read: {dataset!r}")
         with parts_beside(out, crew) as parts:

@@ -42,7 +42,8 @@ class TagCorners:
 
     Corners run bottom left, bottom right, top right, top left of the tag as it is printed upright, and pixel (0, 0) is
     the centre of the first pixel. `families` (m,) are names ('' where the recording says none), `hamming` (m,) the bits
-    that were mended.
+    that were mended. `widths` (m, 4) [pixels] are those of their edges, from each corner to the next; None where a
+    detector said nothing of them.
     """
 
     frames: IntArray
@@ -51,6 +52,7 @@ class TagCorners:
     corners: Array
     hamming: IntArray
     families: tuple[str, ...]
+    widths: Array | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -64,6 +66,7 @@ class TagCorners:
         """The detections at a mask or index; the images stay."""
         rows = np.arange(len(self))[index]
         families = tuple(self.families[row] for row in rows.tolist())
+        widths = None if self.widths is None else self.widths[rows]
         return TagCorners(
-            self.frames, self.frame[rows], self.ids[rows], self.corners[rows], self.hamming[rows], families
+            self.frames, self.frame[rows], self.ids[rows], self.corners[rows], self.hamming[rows], families, widths
         )

@@ -6,7 +6,7 @@ writes, `write(dataset, path) -> tuple[Dropped, ...]`, which returns what the fo
 are used.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +18,8 @@ from teamslam.io.looks import described
 from teamslam.io.maps.estimate import MapEstimate
 from teamslam.model import Dataset, Dropped, Submap
 
+Progress = Callable[[str, int, int], None]
+
 
 @dataclass(frozen=True)
 class Format:
@@ -28,6 +30,7 @@ class Format:
     suffixes: tuple[str, ...] = ()
     writes: bool = True
     reads: bool = True
+    reports: bool = False  # reading takes its time: `read` takes a callback that hears how far it is
     anchored: bool = False  # takes places on the Earth: an anchor says where the map is
 
     def function(self, name: str) -> Any:
@@ -41,6 +44,7 @@ FORMATS: dict[str, Format] = {
         "teamslam.io.bags.team",
         "recordings of ROS: a team file (.toml) that names bags, cameras and tags",
         writes=False,
+        reports=True,
     ),
     "mrclam": Format("teamslam.io.logs.mrclam", "UTIAS MRCLAM: a folder with Barcodes.dat, RobotN_*.dat", writes=False),
     "islsjf": Format(
@@ -91,8 +95,21 @@ def read(path: str | Path, format: str | None = None, **options: object) -> Data
 
     Raises InputError, naming file, line, field and cure, for whatever cannot be read.
     """
+    return read_log(path, options, format=format)
+
+
+def read_log(
+    path: str | Path,
+    options: Mapping[str, object] | None = None,
+    *,
+    format: str | None = None,
+    progress: Progress | None = None,
+) -> Dataset:
+    """As `read`; `progress` hears how far it is (a stage in words, parts done, of all) where reading takes its time."""
     path = Path(path)
-    found: Dataset = _row(FORMATS, path, format).function("read")(path, options)
+    row = _row(FORMATS, path, format)
+    heard = {"progress": progress} if row.reports else {}
+    found: Dataset = row.function("read")(path, options, **heard)
     return found
 
 

@@ -48,7 +48,7 @@ def corner_rows(
     basis, axes = s2.direction_basis(rays), s2.direction_basis(turned)
     across = np.swapaxes(axes, -1, -2) @ LOOKING.rotation.T @ basis @ slopes
     usable = good.all(-1) & (np.linalg.det(across) != 0.0).all(-1)
-    sigmas = corner_sigmas(seen.corners, floor, edge)
+    sigmas = corner_sigmas(seen.corners, floor, edge, seen.widths)
     inverse = np.linalg.inv(np.where(usable[:, None, None, None], across, np.eye(2))) / sigmas[..., None, None]
     whitening = np.zeros((len(seen), 8, 8))
     for k in range(4):

@@ -28,7 +28,7 @@ def proposal(found: Contents) -> str:
 
 def _robots(found: Contents) -> Iterator[tuple[str, TopicContents | None, Sequence[TopicContents]]]:
     ways = found.of_role("odometry") or found.of_role("pose")[:1]
-    seeing = found.of_role("tags") or found.of_role("image") or found.of_role("tag poses")
+    seeing = found.of_role("tags") or _images(found) or found.of_role("tag poses")
     if len(ways) < 2:
         yield found.path.stem, ways[0] if ways else None, seeing
         return
@@ -38,6 +38,13 @@ def _robots(found: Contents) -> Iterator[tuple[str, TopicContents | None, Sequen
         return
     for way, space in zip(ways, spaces, strict=True):
         yield space, way, [topic for topic in seeing if _space(topic.name) == space]
+
+
+def _images(found: Contents) -> list[TopicContents]:
+    """The topics of images in which tags can be: none of depth, and of a camera's raw and compressed images one."""
+    topics = [topic for topic in found.of_role("image") if "depth" not in topic.name.lower()]
+    names = {topic.name for topic in topics}
+    return [topic for topic in topics if topic.name.removesuffix("/compressed") not in names - {topic.name}]
 
 
 def _camera(topic: TopicContents, found: Contents) -> Iterator[str]:

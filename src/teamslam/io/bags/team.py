@@ -18,12 +18,15 @@ from teamslam.errors import InputError
 from teamslam.frontend.stamps import keyframe_of, merge
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners, Track
 from teamslam.frontend.tags.camera import Camera
+from teamslam.frontend.tags.detect import Looking, of_one_family
 from teamslam.frontend.tags.identities import Place, places_of_tags
 from teamslam.frontend.tags.rows import LOOKING, Tag, corner_rows
 from teamslam.frontend.way import Steps, WayNoise, diagonal, standing, steps_between
 from teamslam.geometry import AnyArray, BoolArray, IntArray, Pose
 from teamslam.io.bags.calibration import camera_in, read_camera
-from teamslam.io.bags.opened import opened
+from teamslam.io.bags.looked import Progress, refuse_other_size, tags_in
+from teamslam.io.bags.opened import is_recording, opened
+from teamslam.io.bags.pictures import Pictures, pictures_of_folder, pictures_of_topic
 from teamslam.io.bags.streams import read_corners, read_track
 from teamslam.io.bags.team_file import CameraEntry, RobotEntry, TeamFile, is_team_file, read_team_file
 from teamslam.io.files.options import options_of
@@ -54,14 +57,16 @@ def sniff(path: Path) -> bool:
     return is_team_file(path)
 
 
-def read(path: Path, options: Mapping[str, object] | None = None) -> Dataset:
-    """The log of the team in a team file. InputError names file and field of what cannot be read."""
+def read(path: Path, options: Mapping[str, object] | None = None, progress: Progress | None = None) -> Dataset:
+    """The log of the team in a team file; `progress` hears how far the search for tags in images is. InputError names
+    file and field of what cannot be read."""
     options_of(Options, options, reader="recordings")
     team = read_team_file(path)
-    seen = [_seen(robot, path.parent) for robot in team.robot]
+    seen = [_seen(robot, path.parent, team.tags.looking(), progress) for robot in team.robot]
     book = _Book()
     for robot in seen:
         book.dropped += robot.dropped
+        book.notes += robot.notes
     told = [robot.with_tags(team, book) for robot in seen]
     numbers = {robot.name: k + 1 for k, robot in enumerate(team.robot)}
     keyframes = _keyframes(told, numbers)
@@ -127,6 +132,7 @@ class _Seen:
     track: Track | None
     views: tuple[_View, ...]
     dropped: tuple[Dropped, ...]
+    notes: tuple[str, ...] = ()
 
     def with_tags(self, team: TeamFile, book: _Book) -> "_Seen":
         """The detections that count, with their tags; the others are counted."""
@@ -216,19 +222,82 @@ def _image_of(all_ticks: IntArray, ticks: IntArray) -> IntArray:
     return keyframe_of(merge(all_ticks, round(MERGE_S * TICKS_PER_S)), ticks) if len(ticks) else ticks
 
 
-def _seen(entry: RobotEntry, folder: Path) -> _Seen:
-    """A robot's recording, read."""
-    with opened(folder / entry.recording) as recording:
+def _seen(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> _Seen:
+    """A robot's recording, or folder of images, read."""
+    path = folder / entry.recording
+    if path.is_dir() and not is_recording(path):
+        return _seen_in_files(entry, folder, looking, progress)
+    with opened(path) as recording:
         track = read_track(recording, entry.odometry) if entry.odometry is not None else None
-        views = []
+        views, dropped, notes = [], [], []
         for camera in entry.camera:
             if camera.calibration.startswith("/") and camera.calibration in recording.topics:
                 known = camera_in(recording, camera.calibration)
             else:
-                known = read_camera(folder / camera.calibration, camera.calibration_name, (camera.tags,))
-            views.append(_View(camera, known, read_corners(recording, camera.tags)))
-        told = tuple(Dropped(d.count, f"robot {entry.name}: {d.reason}") for d in recording.dropped)
-        return _Seen(entry, track, tuple(views), told)
+                known = read_camera(
+                    folder / camera.calibration, camera.calibration_name, (camera.tags or camera.images,)
+                )
+            if camera.tags:
+                views.append(_View(camera, known, read_corners(recording, camera.tags)))
+                continue
+            look = _look(entry, camera, known, pictures_of_topic(recording, camera.images), looking, progress)
+            views.append(look.view)
+            dropped += look.dropped
+            notes.append(look.note)
+        dropped += [Dropped(d.count, f"robot {entry.name}: {d.reason}") for d in recording.dropped]
+        return _Seen(entry, track, tuple(views), tuple(dropped), tuple(notes))
+
+
+def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> _Seen:
+    """A robot whose recording is a folder of images."""
+    path = folder / entry.recording
+    if entry.odometry is not None:
+        raise InputError("a folder of images has no odometry", path=path, field="robot.odometry")
+    looks = []
+    for camera in entry.camera:
+        if not camera.images:
+            raise InputError(
+                "a folder of images has no topics; name its images with a pattern, images = '*.png'",
+                path=path,
+                field="robot.camera.images",
+            )
+        known = read_camera(folder / camera.calibration, camera.calibration_name)
+        pictures = pictures_of_folder(path, camera.images, camera.rate_hz)
+        looks.append(_look(entry, camera, known, pictures, looking, progress))
+    return _Seen(
+        entry,
+        None,
+        tuple(look.view for look in looks),
+        tuple(dropped for look in looks for dropped in look.dropped),
+        tuple(look.note for look in looks),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What came of looking for tags in a camera's images."""
+
+    view: _View
+    dropped: list[Dropped]
+    note: str
+
+
+def _look(
+    entry: RobotEntry,
+    camera: CameraEntry,
+    known: Camera,
+    pictures: Pictures,
+    looking: Looking,
+    progress: Progress | None,
+) -> _Look:
+    who = f"robot {entry.name}, camera {camera.name}"
+    found = tags_in(pictures, looking, progress, f"tags of {entry.name}, {camera.name}")
+    refuse_other_size(found.size, known.size, camera.name)
+    corners, twice = of_one_family(found.corners)
+    dropped = [Dropped(count, f"{who}: images {reason}") for reason, count in found.lost.items()]
+    dropped += [Dropped(count, f"{who}: sightings of tags {reason}") for reason, count in twice.items()]
+    note = f"{who}: {len(corners)} sightings of {', '.join(looking.families)} in {len(corners.frames)} images"
+    return _Look(_View(camera, known, corners), dropped, note)
 
 
 # --- the tables ---------------------------------------------------------------------------------------------------

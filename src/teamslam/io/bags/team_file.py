@@ -11,7 +11,7 @@ recording = "one.bag"             beside this file, or absolute
 odometry = "/odom"                a topic; without it the motion model ties frames
 [[robot.camera]]
 name = "left"
-tags = "/left/tags"               a topic of detections
+tags = "/left/tags"               a topic of detections; or images = "/left/image_raw", in which tags are looked for
 calibration = "/left/camera_info" a topic, or a file
 xyz_m = [0.1, 0.0, 0.2]           of the camera in the body that odometry moves; z ahead, x right
 quaternion_wxyz = [1, 0, 0, 0]
@@ -33,6 +33,7 @@ import msgspec
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.tags.detect import Looking
 from teamslam.frontend.tags.rows import Tag
 from teamslam.frontend.way import WayNoise
 from teamslam.geometry import Pose
@@ -67,12 +68,15 @@ class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A camera of a robot. `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s` is how long
-    before its stamp an image was taken."""
+    """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
+    robot's recording is a folder of images, `images` is a pattern of their names, and `rate_hz` says how many there are
+    a second where these are no stamps. `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s`
+    is how long before its stamp an image was taken."""
 
     name: str
     tags: str = ""
     images: str = ""
+    rate_hz: float | None = None
     calibration: str
     calibration_name: str | None = None
     floor_px: float = 0.5
@@ -103,7 +107,8 @@ class LandmarkEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
 
 class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What holds for all tags. One seen in fewer than `fewest` images of a robot is taken for a misread; of more than
-    `most_mended` bits that were wrong, too."""
+    `most_mended` bits that were wrong, too. In images tags of `families` are looked for; `decimate` as in
+    `frontend.tags.detect.Looking`."""
 
     size_m: float
     sizes_m: dict[str, float] = {}
@@ -112,6 +117,12 @@ class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     most_mended: int = 2
     loss: str = "cauchy"
     loss_scale: float = 4.0
+    families: tuple[str, ...] = ("tag36h11",)
+    decimate: float = 1.0
+
+    def looking(self) -> Looking:
+        """How tags are looked for in images. InputError where they cannot be."""
+        return Looking(self.families, self.decimate)
 
 
 class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -170,6 +181,7 @@ def _check(team: TeamFile) -> None:
     names = [robot.name for robot in team.robot]
     if len(set(names)) < len(names):
         raise InputError(f"two robots are called {max(names, key=names.count)}", field="robot.name")
+    team.tags.looking()
     sizes = [team.tags.size_m, *team.tags.sizes_m.values(), *(tag.size_m for tag in team.carried().values())]
     if not all(0.0 < size < np.inf for size in sizes):
         raise InputError("the edge of a tag is above 0 [m]", field="tags.size_m")
@@ -181,11 +193,13 @@ def _check(team: TeamFile) -> None:
         if robot.image_every_s < 0.0:
             raise InputError("image_every_s is 0 or more", field="robot.image_every_s")
         for camera in robot.camera:
-            if not camera.tags:
+            if bool(camera.tags) == bool(camera.images):
                 raise InputError(
-                    f"camera {camera.name} needs a topic of detections; tags are not looked for in images yet: run a "
-                    f"detector (apriltag_ros) on the recording, and name its topic",
+                    f"camera {camera.name} needs either a topic of detections (tags) or one of images, and has "
+                    f"{'both' if camera.tags else 'neither'}",
                     field="robot.camera.tags",
                 )
+            if camera.rate_hz is not None and not 0.0 < camera.rate_hz < np.inf:
+                raise InputError("rate_hz is above 0", field="robot.camera.rate_hz")
             if not (camera.floor_px >= 0.0 and camera.edge_px >= 0.0 and camera.floor_px + camera.edge_px > 0.0):
                 raise InputError("floor_px and edge_px are 0 or more, and not both 0", field="robot.camera.floor_px")
