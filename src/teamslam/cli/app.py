@@ -15,6 +15,7 @@ from teamslam.cli.convert import convert
 from teamslam.cli.data import data
 from teamslam.cli.demo import demo
 from teamslam.cli.exchange import exchange
+from teamslam.cli.film import film
 from teamslam.cli.info import info
 from teamslam.cli.join import join
 from teamslam.cli.keys import keys
@@ -52,7 +53,7 @@ Shell completion: `teamslam --install-completion`.
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
 app.register_install_completion_command(help="Install completion of commands and options for this shell.")
-STORY = (demo, run, plan, simulate, convert, info, score, plot, view, paper)
+STORY = (demo, run, plan, simulate, film, convert, info, score, plot, view, paper)
 PARTS = (split, build, join, exchange, robot, team, status, keys)
 for command in (*STORY, *PARTS):
     app.command(spoken(command))

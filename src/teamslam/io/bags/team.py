@@ -6,6 +6,7 @@ of the robot that carries it. Of the images of a robot those are used that show 
 and as many more as tags need that are seen seldom.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from teamslam.errors import InputError
+from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.stamps import keyframe_of, merge
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners, Track
 from teamslam.frontend.tags.camera import Camera
@@ -22,7 +24,7 @@ from teamslam.frontend.tags.detect import Looking, of_one_family
 from teamslam.frontend.tags.identities import Place, places_of_tags
 from teamslam.frontend.tags.rows import LOOKING, Tag, corner_rows
 from teamslam.frontend.way import Steps, WayNoise, diagonal, standing, steps_between
-from teamslam.geometry import AnyArray, BoolArray, IntArray, Pose
+from teamslam.geometry import AnyArray, BoolArray, IntArray, Pose, concatenate
 from teamslam.io.bags.calibration import camera_in, read_camera
 from teamslam.io.bags.looked import Progress, refuse_other_size, tags_in
 from teamslam.io.bags.opened import is_recording, opened
@@ -33,17 +35,22 @@ from teamslam.io.files.options import options_of
 from teamslam.model import (
     Dataset,
     Dropped,
+    Kind,
     Loss,
     Names,
     Table,
+    Values,
+    index_of,
     landmark_key,
     landmark_number,
     pack,
     pose_key,
+    pose_kind,
     whitening,
 )
 
 MERGE_S = 0.005  # images nearer in time than this are one keyframe: cameras that are triggered together
+TRUTH_GAP_S = 0.2  # between two true poses, beyond which there is no truth
 SELDOM = 6  # images of a tag that are used at least, where there are as many
 
 
@@ -82,7 +89,7 @@ def read(path: Path, options: Mapping[str, object] | None = None, progress: Prog
         raise InputError("no tag was seen in any image; check topics and calibrations", path=path)
     landmarks = called | {landmark_number(entry.name): entry.name for entry in team.landmark}
     names = Names({number: name for name, number in numbers.items() if name != str(number)}, landmarks)
-    return Dataset(
+    log = Dataset(
         {numbers[robot.name]: robot.dim for robot in team.robot},
         tuple(tables),
         names,
@@ -90,6 +97,7 @@ def read(path: Path, options: Mapping[str, object] | None = None, progress: Prog
         notes=tuple(book.notes),
         origin=str(path),
     )
+    return replace(log, truth=_truth(told, team, log))
 
 
 class _Book:
@@ -130,6 +138,7 @@ class _Seen:
 
     entry: RobotEntry
     track: Track | None
+    truth: Track | None
     views: tuple[_View, ...]
     dropped: tuple[Dropped, ...]
     notes: tuple[str, ...] = ()
@@ -147,10 +156,16 @@ class _Seen:
             outside = ~ignored & ~mended & ~view.camera.rays(view.corners.corners)[1].all(-1)
             book.drop(outside, f"{where} beyond what the calibration covers")
             views.append(view.select(~ignored & ~mended & ~outside))
-        known, counts = np.unique(
-            np.concatenate([np.zeros(0, np.int64), *(v.corners.ids for v in views)]), return_counts=True
+        ids = np.concatenate([np.zeros(0, np.int64), *(v.corners.ids for v in views)])
+        bodies = Counter(carried[n].carrier if n in carried else str(n) for n in ids.tolist())
+        few = np.array(
+            [
+                n
+                for n in np.unique(ids).tolist()
+                if bodies[carried[n].carrier if n in carried else str(n)] < team.tags.fewest
+            ],
+            np.int64,
         )
-        few = known[counts < team.tags.fewest]
         for number in few.tolist():
             rare = int(sum(np.count_nonzero(v.corners.ids == number) for v in views))
             why = f"seen in fewer than {team.tags.fewest} images: a misread, or too little to map it"
@@ -229,6 +244,7 @@ def _seen(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress 
         return _seen_in_files(entry, folder, looking, progress)
     with opened(path) as recording:
         track = read_track(recording, entry.odometry) if entry.odometry is not None else None
+        truth = read_track(recording, entry.truth) if entry.truth is not None else None
         views, dropped, notes = [], [], []
         for camera in entry.camera:
             if camera.calibration.startswith("/") and camera.calibration in recording.topics:
@@ -245,14 +261,15 @@ def _seen(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress 
             dropped += look.dropped
             notes.append(look.note)
         dropped += [Dropped(d.count, f"robot {entry.name}: {d.reason}") for d in recording.dropped]
-        return _Seen(entry, track, tuple(views), tuple(dropped), tuple(notes))
+        return _Seen(entry, track, truth, tuple(views), tuple(dropped), tuple(notes))
 
 
 def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> _Seen:
     """A robot whose recording is a folder of images."""
     path = folder / entry.recording
-    if entry.odometry is not None:
-        raise InputError("a folder of images has no odometry", path=path, field="robot.odometry")
+    for name in ("odometry", "truth"):
+        if getattr(entry, name) is not None:
+            raise InputError(f"a folder of images has no {name}", path=path, field=f"robot.{name}")
     looks = []
     for camera in entry.camera:
         if not camera.images:
@@ -266,6 +283,7 @@ def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: 
         looks.append(_look(entry, camera, known, pictures, looking, progress))
     return _Seen(
         entry,
+        None,
         None,
         tuple(look.view for look in looks),
         tuple(dropped for look in looks for dropped in look.dropped),
@@ -314,6 +332,28 @@ def _keyframes(team: Sequence[_Seen], numbers: Mapping[str, int]) -> dict[int, I
                 wanted[numbers[tag]].append(view.ticks[rows])
     merged = round(MERGE_S * TICKS_PER_S)
     return {n: merge(np.concatenate([np.zeros(0, np.int64), *ticks]), merged) for n, ticks in wanted.items()}
+
+
+def _truth(team: Sequence[_Seen], file: TeamFile, log: Dataset) -> Values | None:
+    """Where robots and tags truly are, of those that are known."""
+    found: dict[Kind, list[tuple[IntArray, Pose]]] = {}
+    for number, robot in enumerate(team, 1):
+        if robot.truth is None or not len(robot.truth):
+            continue
+        ticks, first = np.unique(robot.truth.ticks, return_index=True)
+        keys = log.pose_keys[number]
+        poses, known = interpolate(ticks, robot.truth.poses[first], index_of(keys), round(TRUTH_GAP_S * TICKS_PER_S))
+        if robot.entry.dim == 2:
+            poses = Pose.from_xytheta(poses.xytheta())
+        found.setdefault(pose_kind(robot.entry.dim), []).append((keys[known], poses[np.flatnonzero(known)]))
+    for tag in file.truth:
+        key = np.array([landmark_key(landmark_number(str(tag.number)))])
+        if np.isin(key, log.landmark_keys).all():
+            found.setdefault(Kind.POSE3, []).append((key, tag.pose[None]))
+    if not found:
+        return None
+    parts = {kind: (np.concatenate([k for k, _ in f]), concatenate([p for _, p in f])) for kind, f in found.items()}
+    return Values.of(parts)  # type: ignore[arg-type]
 
 
 def _odometry(robot: _Seen, number: int, ticks: IntArray, book: _Book) -> list[Table]:

@@ -31,6 +31,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import tomli_w
 
 from teamslam.errors import InputError
 from teamslam.frontend.tags.detect import Looking
@@ -38,9 +39,10 @@ from teamslam.frontend.tags.rows import Tag
 from teamslam.frontend.way import WayNoise
 from teamslam.geometry import Pose
 from teamslam.io.files.toml import read_toml
+from teamslam.io.files.whole import whole_file
 
 
-class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A pose in a body: where, and how it is turned, as a quaternion or a rotation vector [rad]."""
 
     xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -60,14 +62,14 @@ class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         return Pose.from_quaternion(np.array(self.xyz_m), turn)
 
 
-class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A tag on a body."""
 
     number: int
     size_m: float | None = None
 
 
-class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
     robot's recording is a folder of images, `images` is a pattern of their names, and `rate_hz` says how many there are
     a second where these are no stamps. `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s`
@@ -84,13 +86,15 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True)
     delay_s: float = 0.0
 
 
-class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A robot: its recording, the topic of its odometry, its cameras and the tags it carries. Of its images one is used
-    every `image_every_s`, the one that shows most tags."""
+    every `image_every_s`, the one that shows most tags. `truth` is a topic with its true poses, as motion capture gives
+    them: results are scored against it."""
 
     name: str
     recording: str
     odometry: str | None = None
+    truth: str | None = None
     dim: int = 3
     image_every_s: float = 0.25
     motion: WayNoise = WayNoise()
@@ -98,14 +102,14 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     tag: list[CarriedTag] = []
 
 
-class LandmarkEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class LandmarkEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A landmark that carries tags."""
 
     name: str
     tag: list[CarriedTag]
 
 
-class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """What holds for all tags. One seen in fewer than `fewest` images of a robot is taken for a misread; of more than
     `most_mended` bits that were wrong, too. In images tags of `families` are looked for; `decimate` as in
     `frontend.tags.detect.Looking`."""
@@ -125,12 +129,13 @@ class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         return Looking(self.families, self.decimate)
 
 
-class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The whole file."""
+class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """The whole file. `truth` says where tags truly are, in the frame of the robots' true poses."""
 
     tags: Tags
     robot: list[RobotEntry]
     landmark: list[LandmarkEntry] = []
+    truth: list[CarriedTag] = []
 
     def carried(self) -> dict[int, Tag]:
         """The tags on robots and on landmarks of several tags, by number. InputError for one that stands twice."""
@@ -173,6 +178,12 @@ def read_team_file(path: Path) -> TeamFile:
     except InputError as error:
         raise InputError(error.problem, path=path, field=error.field) from None
     return team
+
+
+def write_team_file(team: TeamFile, path: Path) -> None:
+    """A team file, what is as usual left out. Law: read_team_file gives the same team."""
+    with whole_file(path) as file:
+        tomli_w.dump(msgspec.to_builtins(team), file)
 
 
 def _check(team: TeamFile) -> None:

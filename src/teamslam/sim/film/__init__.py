@@ -1,0 +1,15 @@
+"""Films of made-up rooms: what cameras on robots would have recorded, with the truth. Needs OpenCV (extra `tags`).
+
+film(PRESETS["experiment"], seed=7)     the paper's experiment (section 3.2)
+
+boards      rectangles with a picture: tags, posters, the sides of robots
+stage       a room, what hangs in it, what drives in it
+shutter     when each point of each pixel is exposed
+render      what a camera sees
+develop     what its sensor makes of it
+"""
+
+from teamslam.sim.film.film import PRESETS, Film, Frame, Options, film
+from teamslam.sim.film.stage import Stage
+
+__all__ = ["PRESETS", "Film", "Frame", "Options", "Stage", "film"]
