@@ -108,11 +108,12 @@ def film(
 
 def team_of(made: "Film", ending: str) -> "TeamFile":
     """The team file of a film: what its makers know, and nothing of what is to be found out but as truth."""
-    from teamslam.io.bags.team_file import CameraEntry, CarriedTag, Motion, RobotEntry, Tags, TeamFile
+    from teamslam.frontend.way import WayNoise
+    from teamslam.io.bags.team_file import CameraEntry, CarriedTag, RobotEntry, Tags, TeamFile
     from teamslam.sim.film.stage import CAMERA, FACE_TAG_M, TAG_M
 
     options = made.options
-    motion = Motion(
+    motion = WayNoise(
         drift_m=options.drift_m, slip_m=options.slip_m, drift_rad=options.drift_rad, slip_rad=options.slip_rad
     )
     camera = CameraEntry(
