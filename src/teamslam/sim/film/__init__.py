@@ -9,7 +9,7 @@ render      what a camera sees
 develop     what its sensor makes of it
 """
 
-from teamslam.sim.film.film import PRESETS, Film, Frame, Options, film
 from teamslam.sim.film.stage import Stage
+from teamslam.sim.film.takes import PRESETS, Film, Frame, Options, film
 
 __all__ = ["PRESETS", "Film", "Frame", "Options", "Stage", "film"]
