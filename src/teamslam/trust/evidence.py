@@ -12,7 +12,7 @@ that agrees: two who contradict each other accuse nobody.
 """
 
 from dataclasses import dataclass
-from math import comb, log
+from math import comb, log, log1p
 
 SPREAD = 4.0  # of the noise's variance over the stated one: by how much it may well be larger
 SURE = 2.0 * log(1000.0)  # of -2 log L: a thousand to one
@@ -62,6 +62,16 @@ def ratio_by_chance(suspect: Fit, rest: Fit) -> float:
     return max(float(chdtrc(suspect.dof, suspect.cost)), by_ratio)
 
 
-def most_to_gain(whole: Fit) -> float:
-    """What the likeliest explanation that there may be can be likelier than that nothing is wrong, at most."""
-    return unlikely(whole, whole) - whole.dof
+def most_to_gain(whole: Fit, dof: int = 0) -> float:
+    """What an explanation that sets `dof` of the numbers to spare free, or more, can be likelier than that nothing is
+    wrong, at most: whatever it is. With E = F - D the excess,
+
+        D log phi + (log phi / log SPREAD)^2 - D_a log(1 + E / D_a)
+
+    Law: `unlikely(whole, whole) - unlikely(whole, rest)` is no more than this, for every rest with `dof` numbers less.
+    It is reached where the rest fits as stated, F_r = D_r: costing more, it gains less by the second term than it loses
+    by the first; costing less, it leaves more to what is accused. And it falls as D_a grows.
+    """
+    excess = max(whole.cost - whole.dof, 0.0)
+    spent = dof * log1p(excess / dof) if dof > 0 else 0.0
+    return unlikely(whole, whole) - whole.dof - spent

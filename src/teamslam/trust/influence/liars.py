@@ -1,6 +1,7 @@
 """Members of a team whose maps contradict the others': who they are, how sure that is, and when nobody can say.
 
-    screen   what the map without each would cost at least, by one step from the map of all; an honest team ends here
+    bound    what anybody could explain at most, by what all cost together; nearly every honest team ends here
+    screen   what the map without each would cost at least, by one step from the map of all; the others end here
     try      the map without each that is left, without each two, ... as long as that explains more (`evidence`)
     accuse   the likeliest set, if the others agree, and no other set explains about as much
     tell     apart from that, whose own measurements contradict each other (`alone`)
@@ -23,7 +24,7 @@ from teamslam.solver import Options
 from teamslam.trust.evidence import SURE, Fit, most_to_gain, significance, unlikely
 from teamslam.trust.influence.alone import alone, self_contradicting
 from teamslam.trust.influence.downdate import left_out
-from teamslam.trust.influence.parts import Problem, Rest
+from teamslam.trust.influence.parts import Problem, Rest, freed
 from teamslam.trust.influence.together import together
 
 LEVEL = 1e-3  # the share of honest teams in which anybody is accused, at most
@@ -125,6 +126,8 @@ class _Search:
         if most_to_gain(self.whole) <= LIAR:
             return  # nothing that could be explained
         patience = HIDING if contradict(self.whole, self.level) else 0
+        if not patience and self._most_to_gain() <= LIAR + SURE:
+            return  # nothing that could be sure
         found = [frozenset[Hashable]()]
         while found and patience >= 0 and len(found[0]) + 1 < len(self.members):
             before = min(map(self._unlikely, self.fits))
@@ -132,6 +135,12 @@ class _Search:
             tried = wider if patience else self._promising(wider)
             found = sorted(filter(self._try, tried), key=self._unlikely)[:KEPT]
             patience -= not found or self._unlikely(found[0]) >= before
+
+    def _most_to_gain(self) -> float:
+        """What leaving any members out could explain at most. Who leaves more out sets more free, and gains less."""
+        if len(self.joined.components) > 1:
+            return most_to_gain(self.whole)
+        return max(most_to_gain(self.whole, dof) for dof in freed(self.submaps, self.label).values())
 
     def _likely(self, accused: frozenset[Hashable]) -> Iterable[Hashable]:
         """The members to accuse next: all of a few, of many those that a downdate shows."""

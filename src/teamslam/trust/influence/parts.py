@@ -7,7 +7,7 @@ that leaving a part out takes (see `downdate`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -18,7 +18,7 @@ from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.joining.join.interiors import Member, members_of
 from teamslam.joining.join.join import in_order
 from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import Submap, Table, Values, is_pose
+from teamslam.model import WORLD, Submap, Table, Values, is_pose, pose_kind
 from teamslam.solver import Condensed, Factor, Options, SubmapTerm, System, optimise
 
 BENDS = 1.5  # times what a first step promises that the whole way may bring, as losses forgive more on it
@@ -78,7 +78,11 @@ class Problem:
     @property
     def dof(self) -> int:
         """Numbers measured without those that the unknowns took."""
-        return self.system.rows - self.system.free.dof
+        measured = sum(member.joined.values.layout.dof for member in self.members)
+        measured += sum(table.dof for rows in self.used for table in rows)
+        layout = self.values.layout
+        known = layout.dofs[layout.index(self.fixed[layout.contains(self.fixed)])]
+        return measured - (layout.dof - int(known.sum()))
 
     def parts(self, label: Callable[[Submap], Label]) -> dict[Label, Part]:
         """What each contributor brings: submaps of one label are one part, with the raw rows that travel with them."""
@@ -96,9 +100,9 @@ class Problem:
         if len(group) < 2 or not len(self.fixed) or not tied([member.joined for member, _ in group]):
             return None
         values = self.values.only(np.unique(np.concatenate([member.joined.keys for member, _ in group])))
-        used = [(m, tuple(usable_rows(rows, values.layout)[0])) for m, rows in group]
-        near = replace(self, fixed=np.array([group[0][0].whole.base]))  # any frame will do
-        return Rest(near._system(used, values), values)
+        used = tuple(tuple(usable_rows(rows, values.layout)[0]) for _, rows in group)
+        frame = np.array([group[0][0].whole.base])  # any will do
+        return Rest(Problem(tuple(member for member, _ in group), used, values, frame))
 
     @property
     def _contributions(self) -> list[Contribution]:
@@ -133,37 +137,70 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """Some contributors by themselves, at `values` where all of them together are at their optimum."""
+    """Some contributors by themselves, at values where all of them together are at their optimum."""
 
-    system: System
-    values: Values
+    problem: Problem
 
     @property
     def dof(self) -> int:
         """Numbers to spare."""
-        return self.system.rows - self.system.free.dof
+        return self.problem.dof
 
     def least(self) -> float:
         """What they cost at their own optimum at least, about: by one step towards it, which may promise too little."""
-        at = self.system.linearise(self.values)
-        factor = self.system.factor(self.values)
+        system, values = self.problem.system, self.problem.values
+        at = system.linearise(values)
+        factor = system.factor(values)
         factor.factorise(at.hessian.numbers)
         return max(at.cost - BENDS * float(at.gradient @ factor.solve(at.gradient)), 0.0)
 
     def cost(self, options: Options) -> float:
         """What they cost at their own optimum near these values. Nothing else is made of it: it is quick."""
-        return optimise(self.system, self.values, options).cost
+        return optimise(self.problem.system, self.problem.values, options).cost
+
+
+def freed(submaps: Sequence[Submap], label: Callable[[Submap], Label]) -> dict[Label, int]:
+    """How many of the numbers that a join has to spare go with each member (the submaps of one label), at least, by
+    counting: what its submaps say beyond the unknowns that nobody else speaks of. 0 where the others may fall apart.
+
+    Law: no more than the dof of the join less that of joining the others; as many, where nothing travels raw.
+    """
+    members = list(dict.fromkeys(label(submap) for submap in submaps))
+    owner = np.array([members.index(label(submap)) for submap in submaps])
+    frames = [0 if submap.base == WORLD else pose_kind(submap.base_dim).dof for submap in submaps]
+    layouts = [submap.values.layout for submap in submaps]
+    own = [len(layout) for layout in layouts]
+    keys = np.concatenate([*(layout.keys for layout in layouts), [submap.base for submap in submaps]])
+    dofs = np.concatenate([*(layout.dofs for layout in layouts), frames])
+    holder = np.concatenate([np.repeat(np.arange(len(submaps)), own), np.arange(len(submaps))])
+    _, first, variable = np.unique(keys, return_index=True, return_inverse=True)
+    held = np.zeros((len(first), len(submaps)), bool)
+    held[variable, holder] = True
+    shared = np.flatnonzero(held.sum(1) > 1)
+    ends = [keys[first[shared[held[shared, n]]]] for n in range(len(submaps))]
+    by_member = np.stack([held[:, owner == n].any(1) for n in range(len(members))], 1)
+    alone = by_member & (by_member.sum(1, keepdims=True) == 1)
+    said = [sum(layouts[n].dof for n in np.flatnonzero(owner == member)) for member in range(len(members))]
+    found = {}
+    for number, name in enumerate(members):
+        rest = [ends[n] for n in np.flatnonzero(owner != number).tolist()]
+        count = said[number] - int(dofs[first[alone[:, number]]].sum()) - (max(frames) - min(frames))
+        found[name] = max(count, 0) if rest and _hang_together(rest) else 0
+    return found
 
 
 def tied(submaps: Sequence[Submap]) -> bool:
     """Whether submaps surely hold together: each shares a pose, or three landmarks, with those before it."""
-    known, waiting = submaps[0].keys, list(submaps[1:])
+    return _hang_together([submap.keys for submap in submaps])
+
+
+def _hang_together(ends: Sequence[IntArray]) -> bool:
+    known, waiting = ends[0], list(ends[1:])
     while waiting:
-        found = next((s for s in waiting if _holds(np.intersect1d(known, s.keys))), None)
+        found = next((n for n, keys in enumerate(waiting) if _holds(np.intersect1d(known, keys))), None)
         if found is None:
             return False
-        known = np.union1d(known, found.keys)
-        waiting.remove(found)
+        known = np.union1d(known, waiting.pop(found))
     return True
 
 

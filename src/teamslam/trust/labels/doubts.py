@@ -19,7 +19,7 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Submap
+from teamslam.model import Layout, Submap
 from teamslam.solver import Factor, SubmapTerm, System
 
 UNCHECKED = 1e-9  # of H_k: a place that nobody else knows
@@ -45,25 +45,38 @@ def doubts_of(part: Submap, joined: Submap, factor: Factor) -> Doubts:
     near, frame = values.only(np.unique(named[values.layout.contains(named)])), frame_of(joined)
     system = System(near.layout, submaps=[SubmapTerm.of(part)], fixed=frame[near.layout.contains(frame)])
     at = system.linearise(near)
-    H, g, free = at.hessian.to_csr().toarray(), at.gradient, system.free  # dense by nature
-    blocks = [free.unknowns(np.array([key])) for key in part.landmark_keys.tolist()]
-    own_of = [H[np.ix_(block, block)] for block in blocks]  # singular where a place in space is seen in the plane alone
-    pulls = [_brings(h, g[block], UNCHECKED * float(np.trace(h))) for h, block in zip(own_of, blocks, strict=True)]
-    asked = np.argsort(-np.array(pulls), kind="stable")[:WORST]
-    unknowns = np.concatenate([blocks[i] for i in asked.tolist()])
-    across, own = np.zeros((joined.values.layout.dof, len(unknowns))), joined.values.layout.unknowns(free.keys)
-    across[own] = columns = H[:, unknowns]
-    M = columns[unknowns] - columns.T @ factor.solve(across)[own]
-    where = np.split(np.arange(len(unknowns)), np.cumsum([len(blocks[i]) for i in asked.tolist()])[:-1])
-    floor = UNCHECKED * float(np.trace(columns[unknowns]))
-    alone = np.array([_brings(M[np.ix_(b, b)], g[unknowns[b]], floor) for b in where])
-    pairs = (np.concatenate(both) for both in combinations(where, 2))
-    two = max((_brings(M[np.ix_(b, b)], g[unknowns[b]], floor) for b in pairs), default=0.0)
-    return Doubts(part.landmark_keys[asked], alone, two, max(map(len, where)))
+    free, own = system.free, joined.values.layout.unknowns(system.free.keys)
+    # One more unknown, of which nothing is known, stands for the axes that a landmark seen in the plane alone lacks.
+    H, g = np.pad(at.hessian.to_csr().toarray(), (0, 1)), np.append(at.gradient, 0.0)  # dense by nature
+    where = _axes(free, part.landmark_keys)
+    pulls = _brings(H[where[:, :, None], where[:, None, :]], g[where])
+    asked = np.argsort(-pulls, kind="stable")[:WORST]
+    where = where[asked]
+    columns = H[:, where.ravel()]
+    across = np.zeros((joined.values.layout.dof, where.size))
+    across[own] = columns[:-1]
+    M = columns[where.ravel()] - columns[:-1].T @ factor.solve(across)[own]
+    places = np.arange(where.size).reshape(where.shape)
+    pairs = np.array(list(combinations(range(len(where)), 2)), np.int64).reshape(-1, 2)
+    both = places[pairs].reshape(len(pairs), -1)
+    floor = UNCHECKED * float(np.trace(columns[where.ravel()]))
+    pull = g[where.ravel()]
+    alone, two = (_brings(M[at[:, :, None], at[:, None, :]], pull[at], floor) for at in (places, both))
+    return Doubts(part.landmark_keys[asked], alone, float(two.max(initial=0.0)), where.shape[1])
 
 
-def _brings(information: Array, gradient: Array, floor: float) -> float:
-    """By how much the cost falls if some unknowns are free; by nothing in ways that no more than `floor` holds."""
+def _axes(layout: Layout, keys: IntArray) -> IntArray:
+    """The unknowns of each of some landmarks (n, d); those that it lacks are one beyond the last."""
+    index = layout.index(keys)
+    first, axes = layout.dof_start[index], layout.dofs[index]
+    place = np.arange(axes.max())
+    return np.asarray(np.where(place < axes[:, None], first[:, None] + place, layout.dof))
+
+
+def _brings(information: Array, gradient: Array, floor: float | None = None) -> Array:
+    """By how much the cost falls if some unknowns are free, for information (n, d, d) and slopes (n, d); by nothing in
+    ways that no more than `floor` holds, without one UNCHECKED of what holds the others."""
     values, ways = np.linalg.eigh(information)
-    held = values > floor
-    return float(np.sum((ways.T @ gradient)[held] ** 2 / values[held]))
+    least = UNCHECKED * np.trace(information, axis1=1, axis2=2)[:, None] if floor is None else floor
+    pull = np.einsum("nji,nj->ni", ways, gradient)
+    return np.asarray(np.sum(np.where(values > least, pull**2 / np.where(values > least, values, 1.0), 0.0), -1))

@@ -1,6 +1,7 @@
 """The search for names that lie: the change that explains most, then the next, until none is sure.
 
-    screen    what any change could explain at most, from the factor of all constellations joined (`doubts`)
+    bound     what any change could explain at most, by what all constellations cost together (`most_to_gain`)
+    screen    what each landmark's name could explain, from their factor (`doubts`)
     propose   each robot's constellation that is left on the map of the others', under every change
     verify    all constellations joined anew with the change: what that costs decides
     who       the same change of another robot's names may explain as much: then nobody can say whose names are wrong,
@@ -72,8 +73,6 @@ def mislabelled(
     few = {robot: max(FEW, sum(len(own.landmark_keys) for own in parts) // 4) for robot, parts in stars.items()}
     while len(stars) > 1 and len(found) < MOST:
         joined, near = _joined(stars, near), None
-        if most_to_gain(fit_of(joined)) < FAULTY + SURE:
-            break  # nothing that could be found
         best = _best(stars, joined, stars.keys() if of is None else stars.keys() & set(of))
         if best is None:
             break
@@ -107,13 +106,15 @@ def _best(stars: Stars_, joined: Joined, doubted: Collection[int]) -> Finding | 
 
 
 def _doubtful(stars: Stars_, joined: Joined, doubted: Collection[int]) -> list[tuple[int, Submap]]:
-    """The robots' constellations of which some change of names could explain something, by what the first step says."""
+    """The robots' constellations of which some change of names could explain something: by what all cost together, and
+    by what the first step says."""
+    before = fit_of(joined)
     parts = [(robot, own) for robot in sorted(doubted) for own in stars[robot]]
-    if len(joined.components) > 1:
+    parts = [(robot, own) for robot, own in parts if most_to_gain(before) > _least_prior(own) + SURE]
+    if len(joined.components) > 1 or not parts:
         return parts
-    map, before = joined.map, fit_of(joined)
+    map, none, found = joined.map, unlikely(before, before), []
     factor = Factor.of(map.values.layout, map.information, map.names, map.values)
-    none, found = unlikely(before, before), []
     for robot, own in parts:
         doubts, n = doubts_of(own, map, factor), len(own.landmark_keys)
         most = ((doubts.two, 0, comb(n, 2)), (float(doubts.alone.max()), doubts.dof, n))
@@ -121,6 +122,12 @@ def _doubtful(stars: Stars_, joined: Joined, doubted: Collection[int]) -> list[t
         if any(none - unlikely(before, fit) > _prior(count) + SURE for fit, count in fits):
             found.append((robot, own))
     return found
+
+
+def _least_prior(own: Submap) -> float:
+    """Of the kind of change to a constellation's names of which there are fewest."""
+    n = len(own.landmark_keys)
+    return _prior(min(n, comb(n, 2)))
 
 
 def _prior(count: int) -> float:

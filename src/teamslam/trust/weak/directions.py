@@ -2,7 +2,21 @@
 
     P v = mu M^-1 v,  mu the largest            the first principal axis of P in the metric M
 
-and once combinations F of the unknowns are taken as known, that of P - P F' (F P F')^-1 F P.
+and once combinations F of the unknowns are taken as known, that of P - P F' (F P F')^-1 F P. Whether any direction
+stands out is asked first, of a few steps of Lanczos from a random start: theta, the largest eigenvalue of
+A = M^1/2 P M^1/2 in
+
+    span(w, A w, ..., A^(k-1) w),      w random (dof,)
+
+is never more than mu. That theta < tau though mu > tau takes a start nearly at right angles with v: its part w_1 along
+v (standard normal) has, with T_n the polynomials of Chebyshev, the mean of all w_j^2 weighed by variance as one, and
+variances as shares of their sum,
+
+    w_1^2 < tau^2 / 4 / ((mu - tau) mu^2 T_(k-2)(2 mu / tau - 1)^2)
+
+by the polynomial p(x) = x T_(k-2)(2 x / tau - 1), no larger than x up to tau. At k = 8, mu = 0.2 and tau = mu / 2 that
+is |w_1| < 4e-5: three starts of 100,000. Source: Kuczynski, Wozniakowski, "Estimating the largest eigenvalue by the
+power and Lanczos algorithms with a random start" (1992).
 """
 
 from dataclasses import dataclass
@@ -10,10 +24,13 @@ from functools import cached_property
 
 import numpy as np
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, IntArray
 from teamslam.trust.weak.knowledge import DENSE, Knowledge, Stacks, worst_variances
+from teamslam.trust.weak.motions import turns
 
 ROUNDING = 1e-9  # of a correlation
+STEPS = 8  # of Lanczos: k
+NEARLY = 0.5  # of what stands out, that theta hardly ever falls short of: tau / mu
 
 
 @dataclass(frozen=True)
@@ -49,10 +66,9 @@ class Conditioned:
         found = self.knowledge.spread(f)
         return np.asarray(found - self._gone @ (self._gone.T @ f))
 
-    @cached_property
-    def stacks(self) -> Stacks:
-        """The covariance of every variable."""
-        parts = ((at, blocks, self._gone[at]) for at, blocks in self.knowledge.stacks)
+    def few(self, which: IntArray) -> Stacks:
+        """The covariance of some variables, by their places."""
+        parts = ((at, blocks, self._gone[at]) for at, blocks in self.knowledge.few(which))
         return [(at, blocks - x @ np.swapaxes(x, 1, 2)) for at, blocks, x in parts]
 
     @cached_property
@@ -60,12 +76,21 @@ class Conditioned:
         """What is known least, relative to the map as a whole."""
         layout = self.knowledge.values.layout
         # What is known exactly has a variance of zero, give or take rounding.
-        places, headings = (np.maximum(np.nan_to_num(v), 0.0) for v in worst_variances(layout, self.stacks))
-        place, heading = (int(np.argmax(variances)) for variances in (places, headings))
-        return Least(
-            float(np.sqrt(places[place])), int(layout.keys[place]),
-            float(np.sqrt(headings[heading])), int(layout.keys[heading]),
-        )  # fmt: skip
+        variances = np.maximum(self.knowledge.variances - np.sum(self._gone**2, 1), 0.0)
+        turning = turns(layout)
+        place, place_m = self._worst(np.where(turning, 0.0, variances), 0)
+        heading, heading_rad = self._worst(np.where(turning, variances, 0.0), 1)
+        return Least(place_m, int(layout.keys[place]), heading_rad, int(layout.keys[heading]))
+
+    def _worst(self, variances: Array, which: int) -> tuple[int, float]:
+        """The variable with the largest standard deviation in any direction, of its place (0) or its turn (1), where
+        `variances` has those of each axis: only those are looked at whose axes together have more than the first."""
+        layout = self.knowledge.values.layout
+        sums = np.add.reduceat(variances, layout.dof_start[:-1])
+        first = worst_variances(layout, self.few(np.argmax(sums, keepdims=True)))[which]
+        rivals = np.flatnonzero(sums >= np.nanmax(first, initial=0.0))
+        worst = np.nan_to_num(worst_variances(layout, self.few(rivals))[which])
+        return (top := int(np.argmax(worst))), float(np.sqrt(max(worst[top], 0.0)))
 
     @property
     def total(self) -> float:
@@ -79,15 +104,34 @@ class Conditioned:
 
         root = np.sqrt(self.knowledge.weight)
         dof = len(root)
-
-        def times(y: Array) -> Array:
-            weighed = (root * np.asarray(y).T).T
-            return np.asarray((root * self.spread(weighed).T).T)
-
         if dof <= DENSE:
-            values, vectors = np.linalg.eigh(times(np.eye(dof)))
+            values, vectors = np.linalg.eigh(self._times(np.eye(dof)))
             return vectors[:, -1] / root, float(values[-1])
-        operator = LinearOperator((dof, dof), matvec=times, matmat=times, dtype=float)
-        start = np.random.default_rng(0).standard_normal(dof)
+        operator = LinearOperator((dof, dof), matvec=self._times, matmat=self._times, dtype=float)
+        start, _ = self._sketch
         values, vectors = eigsh(operator, k=1, v0=start, which="LA", tol=1e-6)
         return vectors[:, 0] / root, float(values[0])
+
+    def may_carry(self, share: float) -> bool:
+        """Whether some direction may carry a `share` of all that is uncertain: no, if theta falls far short of it."""
+        if len(self.knowledge.weight) <= DENSE:
+            return True
+        return self._sketch[1] >= NEARLY * share * self.total
+
+    def _times(self, y: Array) -> Array:
+        """A y, for y (dof, ...)."""
+        root = np.sqrt(self.knowledge.weight)
+        return np.asarray((root * self.spread((root * np.asarray(y).T).T).T).T)
+
+    @cached_property
+    def _sketch(self) -> tuple[Array, float]:
+        """The weakest direction (dof,) among a few of Krylov's, and its variance theta."""
+        y = np.random.default_rng(0).standard_normal(len(self.knowledge.weight))
+        Q, AQ = (np.zeros((STEPS, len(y))) for _ in range(2))
+        for step in range(STEPS):
+            for _ in range(2):
+                y = y - Q[:step].T @ (Q[:step] @ y)
+            Q[step] = y / (np.linalg.norm(y) or 1.0)
+            y = AQ[step] = self._times(Q[step])
+        values, ways = np.linalg.eigh(Q @ AQ.T)
+        return ways[:, -1] @ Q, float(values[-1])

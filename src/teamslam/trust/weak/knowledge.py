@@ -108,29 +108,56 @@ class Knowledge:
         return self.shape(self.covariance.solve(inner))
 
     @cached_property
-    def stacks(self) -> Stacks:
-        """The blocks of P of every variable."""
-        B, layout = self.open, self.values.layout
+    def _carried(self) -> tuple[Array, Array, Array]:
+        """B, Z = C M B and B' M Z: what takes C to P = C - B Z' - Z B' + B (B' M Z) B'."""
+        B = self.open
         Z = self.covariance.solve(self.weight[:, None] * B)
-        middle = B.T @ (self.weight[:, None] * Z)
+        return B, Z, B.T @ (self.weight[:, None] * Z)
+
+    @cached_property
+    def _given(self) -> Stacks:
+        """The blocks of C of every variable; those of what does not move are zero."""
+        layout, found = self.values.layout, []
         given = {blocks.shape[-1]: (places, blocks) for places, blocks in self.covariance.marginals_by_size()}
-        found = []
         for d in np.unique(layout.dofs).tolist():
             alike = np.flatnonzero(layout.dofs == d)
-            at = layout.dof_start[alike, None] + np.arange(d)
             blocks = np.zeros((len(alike), d, d))
             if d in given:
                 blocks[np.searchsorted(alike, given[d][0])] = given[d][1]
-            b, z = B[at], Z[at]
-            across = b @ np.swapaxes(z, 1, 2)
-            blocks += b @ middle @ np.swapaxes(b, 1, 2) - across - np.swapaxes(across, 1, 2)
-            found.append((at, blocks))
+            found.append((layout.dof_start[alike, None] + np.arange(d), blocks))
         return found
+
+    @cached_property
+    def stacks(self) -> Stacks:
+        """The blocks of P of every variable."""
+        return [(at, self._block(at, blocks)) for at, blocks in self._given]
+
+    def few(self, which: IntArray) -> Stacks:
+        """Those of some variables, by their places."""
+        first = self.values.layout.dof_start[which]
+        given = [(at, blocks, np.isin(at[:, 0], first)) for at, blocks in self._given]
+        return [(at[chosen], self._block(at[chosen], blocks[chosen])) for at, blocks, chosen in given if chosen.any()]
+
+    def _block(self, at: IntArray, given: Array) -> Array:
+        """Blocks of P for those of C, of the unknowns `at` (k, d)."""
+        B, Z, middle = self._carried
+        b, z = B[at], Z[at]
+        across = b @ np.swapaxes(z, 1, 2)
+        return np.asarray(given + b @ middle @ np.swapaxes(b, 1, 2) - across - np.swapaxes(across, 1, 2))
+
+    @cached_property
+    def variances(self) -> Array:
+        """The diagonal of P (dof,)."""
+        B, Z, middle = self._carried
+        found = np.empty(len(self.weight))
+        for at, blocks in self._given:
+            found[at] = np.diagonal(blocks, axis1=1, axis2=2)
+        return np.asarray(found + np.sum(B * (B @ middle - 2.0 * Z), 1))
 
     @property
     def total(self) -> float:
         """The sum of all variances, in the metric: no direction has a larger one."""
-        return sum(float(np.sum(self.weight[at] * np.diagonal(b, axis1=1, axis2=2))) for at, b in self.stacks)
+        return float(self.weight @ self.variances)
 
     def seen_from(self, base: int) -> Stacks:
         """The covariance of every variable in the frame of the pose `base`.

@@ -110,6 +110,8 @@ def _given(known: Knowledge, told: list[Direction]) -> Conditioned:
 
 def _next(left: Conditioned) -> Direction | None:
     """The weakest direction of what is left; None where none stands out."""
+    if not left.may_carry(STANDS_OUT):
+        return None
     known = left.knowledge
     field, variance = left.weakest()
     share = variance / left.total if left.total > 0.0 else 0.0
