@@ -73,6 +73,21 @@ def test_every_page_is_in_the_contents() -> None:
     assert {page.resolve() for page in (ROOT / "docs").rglob("*.md") if page.name != "index.md"} <= listed
 
 
+def test_every_threat_names_tests_that_exist() -> None:
+    lines = [
+        line for line in (ROOT / "docs" / "threats.md").read_text(encoding="utf-8").splitlines() if line.startswith("|")
+    ]
+    written = (path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    known = set(re.findall(r"def (test_\w+)", "".join(written)))
+    guarded = [
+        line for line in lines if len(line.split("|")) == 5 and not line.startswith(("|---", "| who", "| what it"))
+    ]
+    assert len(guarded) > 10
+    for line in guarded:
+        named = re.findall(r"`(test_\w+)`", line.split("|")[3])
+        assert named and known.issuperset(named), line
+
+
 def links(page: Path) -> list[tuple[str, str, str]]:
     """What a page links to: file, "#", heading."""
     inline = [part for token in MARKDOWN.parse(page.read_text(encoding="utf-8")) for part in token.children or []]

@@ -66,7 +66,7 @@ class Driver:
     def _keep(self) -> None:
         bodies = self.member.peer.bodies
         if fresh := [digest for digest in bodies if digest not in self.kept]:
-            self.journal.bodies(bodies[digest].data for digest in fresh)
+            self.journal.bodies(bodies[digest].body for digest in fresh)
             self.kept.update(fresh)
 
     def status(self, names: Names) -> dict[str, Any]:
@@ -81,9 +81,11 @@ class Driver:
             "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries],
             "root": peer.root.hex(),
             "missing": len(peer.missing),
+            "revoked": [names.robot(number) for number in sorted(robot.head.robots) if peer.revoked(number)],
             "refused_packets": dict(peer.refused),
             "journal": self.journal.trouble,
             "links": {
-                "all" if to == EVERYONE else names.robot(to): vars(line.sent) for to, line in sorted(peer.lines.items())
+                "all" if to == EVERYONE else names.robot(to): vars(line.sent) | {"refused": line.refused}
+                for to, line in sorted(peer.lines.items())
             },
         }

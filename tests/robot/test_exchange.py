@@ -174,7 +174,7 @@ def test_a_packet_that_is_too_large_is_refused() -> None:
         Ask(),
         Want((bytes(16),)),
         Body(b"x"),
-        List((Entry("a", 1), Entry("b", 2, bytes(16), 3, 4)), ((1, 2),)),
+        List((Entry("a", 1, bytes(16), gone=True), Entry("b", 2, bytes(16), 3, 4))),
     ],
 )
 def test_packets_come_back_from_bytes(packet: Have | Ask | Want | Body | List) -> None:

@@ -21,6 +21,7 @@ from teamslam.live import begun, drive
 from teamslam.model import Dataset, Names, Table, pose_key
 from teamslam.robot import Options, Robot
 from teamslam.robot.journal import Journal
+from teamslam.robot.packets import Body
 from teamslam.robot.rows import head_of
 from teamslam.wire.messages import canonical, send
 from worlds import team
@@ -72,11 +73,11 @@ def test_stopped_anywhere_it_ends_with_the_same_pieces(
 def test_bodies_are_remembered_as_they_were(tmp_path: Path) -> None:
     log = team("2d", robots=2, poses=10)
     submap = build(split(log.of_robot(2))[0])
-    data = send("sparse", submap, submap.values.layout.keys).data
+    body = Body(send("sparse", submap, submap.values.layout.keys).data, 2, b"signed")
     with Journal(tmp_path / "journal.db", head_of(log, 1)) as journal:
-        assert journal.bodies([data])
+        assert journal.bodies([body])
     with Journal(tmp_path / "journal.db", head_of(log, 1)) as journal:
-        assert journal.recall().bodies == (data,)
+        assert journal.recall().bodies == (body,)
 
 
 def journaled(path: Path) -> tuple[Dataset, list[Table]]:
@@ -132,13 +133,13 @@ def test_a_disk_that_is_full_ends_nothing_and_is_told(tmp_path: Path) -> None:
         robot = robot.step(tables)
         journal.step(robot)
     assert "full" in journal.trouble and "records wait in memory" in journal.trouble
-    assert not journal.bodies([b"body"]) and robot.now is not None
+    assert not journal.bodies([Body(b"body")]) and robot.now is not None
     base.execute("PRAGMA max_page_count = 100000")  # there is room again
     assert journal.bodies([]) and not journal.trouble
     journal.close()
     with Journal(tmp_path / "journal.db", head_of(log, 1)) as again:
         memory = again.recall()
-    assert sum(map(len, memory.tables)) == robot.counts.taken and memory.bodies == (b"body",)
+    assert sum(map(len, memory.tables)) == robot.counts.taken and memory.bodies == (Body(b"body"),)
 
 
 def test_the_journal_of_another_is_refused(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from teamslam.model import Dataset
     from teamslam.robot import Options
     from teamslam.robot.link.zenoh import Address
+    from teamslam.robot.packets import Body
 
 
 def among(dataset: "Dataset", options: "Options", address: "Address", out: Path, speed: float | None) -> int:
@@ -30,6 +31,7 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
     from teamslam.results.fleet import joined
     from teamslam.results.poses import PoseFile
     from teamslam.robot.journal import Journal
+    from teamslam.robot.link.keys import read_revocations, read_seal
     from teamslam.robot.link.zenoh import ZenohLink
     from teamslam.robot.peer import Peer
     from teamslam.robot.rows import head_of
@@ -55,8 +57,12 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
             with whole_file(out / "status.json") as file:
                 file.write(json.dumps(driver.status(dataset.names) | {"dropped": link.dropped}, indent=1).encode())
 
-        peer = Peer(robot).with_bodies(memory.bodies)
-        driver = Driver(Member(start, peer, link), journal, report, ended.is_set, kept=set(peer.bodies))
+        peer = Peer(robot)
+        if address.certificates is not None:
+            seal = read_seal(address.certificates, address.team, robot, address.members, dataset.names)
+            peer = Peer(robot, seal=seal).recalling(read_revocations(address.certificates))
+        peer = peer.recalling(memory.bodies)
+        driver = Driver(Member(start, peer, link), journal, report, ended.is_set, kept=_known(memory.bodies))
         rest = (row for row in replayed(dataset, robot) if row[0] >= start.newest * dataset.names.tick_s)
         whole = driver.drive(rest, speed)
         link.close()
@@ -68,6 +74,13 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
     for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
         complain(trouble)
     return 0 if whole and not memory.damaged and not journal.trouble else 1
+
+
+def _known(bodies: "Sequence[Body]") -> set[bytes]:
+    """What names the bodies that are in a journal."""
+    from teamslam.robot.packets import digest_of
+
+    return {digest_of(body.data) for body in bodies}
 
 
 def convoy(

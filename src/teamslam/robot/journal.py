@@ -28,10 +28,11 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Dataset, Table, pack
+from teamslam.robot.packets import Body, to_bytes
 from teamslam.robot.robot import Robot
 from teamslam.robot.rows import channel_of
 
-FORMAT = 1
+FORMAT = 2
 RECORD = "n INTEGER PRIMARY KEY, kind TEXT, data BLOB, digest BLOB"
 WAITING = 100_000  # records that wait for a disk at most
 DIGEST = 16
@@ -50,11 +51,11 @@ class Rows(msgspec.Struct, frozen=True, array_like=True):
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What a journal holds: rows and bodies as they came, the versions of closed pieces that got late rows, and what is
-    damaged, in words."""
+    """What a journal holds: rows and bodies (submaps and removals, with their signatures) as they came, the versions of
+    closed pieces that got late rows, and what is damaged, in words."""
 
     tables: tuple[Table, ...] = ()
-    bodies: tuple[bytes, ...] = ()
+    bodies: tuple[Body, ...] = ()
     versions: Mapping[int, int] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
 
@@ -88,9 +89,9 @@ class Journal:
         records = [("rows", self._packed(table)) for table in robot.took]
         self._write(records + [("version", msgspec.msgpack.encode(pair)) for pair in newer.items()], sync=False)
 
-    def bodies(self, bodies: Iterable[bytes]) -> bool:
+    def bodies(self, bodies: Iterable[Body]) -> bool:
         """Write down bodies that were made or heard. True once they are on the disk: only then may others be told."""
-        return self._write([("body", data) for data in bodies], sync=True)
+        return self._write([("body", to_bytes(body)) for body in bodies], sync=True)
 
     def close(self) -> None:
         """No more will be written."""
@@ -121,7 +122,7 @@ class Journal:
     def recall(self) -> Memory:
         """All that was written down."""
         tables: list[Table] = []
-        bodies: list[bytes] = []
+        bodies: list[Body] = []
         damaged: list[str] = []
         last = 0
         while True:
@@ -144,7 +145,7 @@ class Journal:
                         number, version = msgspec.msgpack.decode(data, type=tuple[int, int])
                         self._versions[number] = max(version, self._versions.get(number, 0))
                     else:
-                        bodies.append(data)
+                        bodies.append(msgspec.msgpack.decode(data, type=Body))
                 except (ValueError, TypeError, AttributeError, msgspec.DecodeError) as error:
                     damaged.append(f"{self.path}: record {last} is damaged and left out: {error}")
         return Memory(tuple(tables), tuple(bodies), dict(self._versions), tuple(damaged))

@@ -4,9 +4,10 @@
     ask     tell me all that you hold: to who holds something else
     list    an entry for each thing held
     want    send me the bodies with these digests
-    body    a submap's message, as it was heard
+    body    a submap's message or a removal, as it was heard, with the signature of its robot
 
-A body is a message of `teamslam.wire`, byte for byte what its robot made. Packets that make no sense raise InputError.
+A submap's message is one of `teamslam.wire`, byte for byte what its robot made. A removal says that a submap, or all of
+a robot's, are out up to a version. Packets that make no sense raise InputError.
 """
 
 import hashlib
@@ -17,20 +18,24 @@ import msgspec
 from teamslam.errors import InputError
 
 DIGEST = 16  # bytes of blake2b
+EVER = (1 << 63) - 1  # a version that nothing comes after
 
 Digest = Annotated[bytes, msgspec.Meta(min_length=DIGEST, max_length=DIGEST)]
-Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=EVER)]
+Signature = Annotated[bytes, msgspec.Meta(max_length=128)]
 
 
 class Entry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
-    """One thing held: a submap's body (`size` bytes, `rows` numbers measured), or that an id was removed up to a
-    version (no digest)."""
+    """One thing held, a body of `size` bytes: a submap (`rows` numbers measured), or that an id was removed up to a
+    version (`gone`), or all submaps of a robot (`robot`)."""
 
     id: str
     version: Count
-    digest: Digest | None = None
+    digest: Digest
     size: Count = 0
     rows: Count = 0
+    gone: bool = False
+    robot: Count = 0
 
 
 class Have(msgspec.Struct, frozen=True, tag="have", array_like=True, forbid_unknown_fields=True):
@@ -44,10 +49,9 @@ class Ask(msgspec.Struct, frozen=True, tag="ask", array_like=True, forbid_unknow
 
 
 class List(msgspec.Struct, frozen=True, tag="list", array_like=True, forbid_unknown_fields=True):
-    """All that a robot holds, and the robots it has removed, each up to a version."""
+    """All that a robot holds."""
 
     entries: tuple[Entry, ...]
-    removed_robots: tuple[tuple[Count, Count], ...] = ()
 
 
 class Want(msgspec.Struct, frozen=True, tag="want", array_like=True, forbid_unknown_fields=True):
@@ -57,18 +61,29 @@ class Want(msgspec.Struct, frozen=True, tag="want", array_like=True, forbid_unkn
 
 
 class Body(msgspec.Struct, frozen=True, tag="body", array_like=True, forbid_unknown_fields=True):
-    """A submap's message."""
+    """A submap's message or a removal; `signature` by `robot` (0: whoever makes the team's certificates)."""
 
     data: bytes
+    robot: Count = 0
+    signature: Signature = b""
+
+
+class Removal(msgspec.Struct, frozen=True, tag="out", array_like=True, forbid_unknown_fields=True):
+    """A submap of a robot is out up to a version; all of that robot's where no id is given."""
+
+    robot: Count
+    id: str
+    version: Count
 
 
 Packet = Have | Ask | List | Want | Body
 
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(Packet)
+_REMOVALS = msgspec.msgpack.Decoder(Removal)
 
 
-def to_bytes(packet: Packet) -> bytes:
+def to_bytes(packet: Packet | Removal) -> bytes:
     """A packet on its way."""
     return _ENCODER.encode(packet)
 
@@ -80,6 +95,15 @@ def from_bytes(data: bytes) -> Packet:
         return packet
     except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError) as error:
         raise InputError(f"these bytes are no packet of a robot: {error}") from None
+
+
+def removal_from(data: bytes) -> Removal:
+    """The removal that a body's bytes are. Raises InputError where they are none."""
+    try:
+        removal: Removal = _REMOVALS.decode(data)
+        return removal
+    except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError) as error:
+        raise InputError(f"these bytes are neither a submap's message nor a removal: {error}") from None
 
 
 def digest_of(data: bytes) -> bytes:

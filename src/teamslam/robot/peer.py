@@ -5,7 +5,8 @@
 It pulls: nobody sends a body that was not asked for. Every packet may be lost, late, out of order or repeated: what is
 held is a set that grows (`SubmapSet`), what was asked for and did not come is asked for again, of whoever has it, and
 what is known already changes nothing. So robots that can reach each other, directly or through others, hold the same in
-the end, and make one map of it, to the bit. A body is passed on as the bytes that were heard.
+the end, and make one map of it, to the bit. A body is passed on as the bytes that were heard, and under a seal only
+what its own robot has signed is taken.
 
 Bodies wait for their turn: `rate` bytes a second to each robot. The one who asks says in which order: those with the
 most measurements first.
@@ -13,27 +14,30 @@ most measurements first.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import MappingProxyType
 
 from teamslam.errors import InputError, TeamslamError
 from teamslam.model import Submap
+from teamslam.robot.opened import Opened, opened
 from teamslam.robot.packets import (
+    EVER,
     Ask,
     Body,
     Entry,
     Have,
     List,
     Packet,
+    Removal,
     Want,
     digest_of,
     from_bytes,
     root_of,
     to_bytes,
 )
+from teamslam.robot.seal import Seal
 from teamslam.team import SubmapSet
-from teamslam.team.sets import Held
-from teamslam.wire import receive, send
+from teamslam.wire import send
 
 EVERYONE = 0  # in place of a robot's number: all that can be reached
 
@@ -75,27 +79,38 @@ class Sent:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """A body that is held, and its entry."""
+    """A body that is held, and what it is."""
 
-    entry: Entry
-    data: bytes
+    body: Body
+    opened: Opened
+
+    @property
+    def entry(self) -> Entry:
+        """Its entry in the list."""
+        return self.opened.entry
+
+    @property
+    def data(self) -> bytes:
+        """Its bytes."""
+        return self.body.data
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
     """What a robot knows of its line to another: when it last asked for the list, what the other said that it holds,
-    the bodies that the other waits for, and when the next may go."""
+    the bodies that the other waits for, when the next may go, and how many packets of the other were `refused`."""
 
     asked_s: float = -1e300
     lists: tuple[Entry, ...] = ()
     waiting: tuple[bytes, ...] = ()
     free_s: float = 0.0
     sent: Sent = Sent()
+    refused: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Peer:
-    """A robot among others.
+    """A robot among others. `seal`: how it signs, and knows what others signed; None: nobody signs.
 
     `held`: what it knows of the team; `bodies` by digest; `lines` to others by their number; `wanted`: when each body
     was last asked for; `announced_s`: when it last told what it holds; `refused`: packets that made no sense, by
@@ -104,6 +119,7 @@ class Peer:
 
     number: int
     habits: Habits = field(default_factory=Habits)
+    seal: Seal | None = None
     held: SubmapSet = field(default_factory=SubmapSet)
     bodies: Mapping[bytes, Content] = field(default_factory=lambda: MappingProxyType({}))
     lines: Mapping[int, Line] = field(default_factory=lambda: MappingProxyType({}))
@@ -116,13 +132,8 @@ class Peer:
     @cached_property
     def listing(self) -> List:
         """All that it holds, in order."""
-        entries: list[Entry] = []
-        for id_, held in sorted(self.held.held.items()):
-            if held.removed:
-                entries.append(Entry(id_, held.version))
-            else:
-                entries += [self.bodies[digest].entry for digest in sorted(map(digest_of, held.contents))]
-        return List(tuple(entries), tuple(sorted(self.held.removed_robots.items())))
+        entries = [content.entry for content in self.bodies.values()]
+        return List(tuple(sorted(entries, key=lambda entry: (entry.id, entry.digest))))
 
     @cached_property
     def root(self) -> bytes:
@@ -132,18 +143,24 @@ class Peer:
     @cached_property
     def missing(self) -> tuple[Entry, ...]:
         """What others said they hold, and this one lacks: those with the most measurements first."""
-        known = {e.digest: e for line in self.lines.values() for e in line.lists if e.digest is not None}
+        known = {e.digest: e for line in self.lines.values() for e in line.lists}
         lacked = [entry for entry in known.values() if entry.digest not in self.bodies and self._news(entry)]
-        return tuple(sorted(lacked, key=lambda entry: (-entry.rows, entry.digest or b"")))
+        return tuple(sorted(lacked, key=lambda entry: (-entry.rows, entry.digest)))
 
     def _news(self, entry: Entry) -> bool:
-        """Whether an entry would change what is held."""
+        """Whether what an entry stands for would change what is held."""
+        if entry.robot:
+            return self.held.removed_robots.get(entry.robot, -1) < entry.version
         mine = self.held.held.get(entry.id)
         if mine is None:
             return True
-        return (entry.version, entry.digest is None) > (mine.version, mine.removed) or (
-            entry.version == mine.version and not mine.removed and entry.digest is not None
+        return (entry.version, entry.gone) > (mine.version, mine.removed) or (
+            entry.version == mine.version and not mine.removed and not entry.gone
         )
+
+    def revoked(self, robot: int) -> bool:
+        """Whether all submaps of a robot are out, for ever."""
+        return self.held.removed_robots.get(robot, -1) == EVER
 
     def with_submaps(self, submaps: Iterable[Submap]) -> "Peer":
         """With submaps of its own, new or in newer versions. Of a version there is one message: where that is held, it
@@ -153,27 +170,51 @@ class Peer:
         return self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in fresh)
 
     def with_bodies(self, bodies: Iterable[bytes]) -> "Peer":
-        """With submaps as messages. Raises InputError where one is not sound."""
+        """With submaps of its own as messages, or removals, which it signs. Raises InputError where one is not sound,
+        or under a seal is of another robot."""
         peer = self
         for data in bodies:
-            peer = peer._with_body(data)
+            peer = peer._with_body(Body(data) if self.seal is None else self.seal.signed(data))
+        return peer
+
+    def recalling(self, bodies: Iterable[Body]) -> "Peer":
+        """With what it held once, its own and that of others; what is not sound, or not signed by a member, is refused
+        and counted."""
+        peer = self
+        for body in bodies:
+            try:
+                peer = peer._with_body(body)
+            except TeamslamError as error:
+                peer = peer._refusing(EVERYONE, str(error))
         return peer
 
     def with_set(self, known: SubmapSet) -> "Peer":
-        """With what is known from elsewhere: of a robot that begins anew, and removals."""
+        """With what is known from elsewhere: of a robot that begins anew, and removals. Raises InputError as
+        `with_bodies` does."""
+        out = [Removal(self._owner(id_), id_, held.version) for id_, held in known.held.items() if held.removed]
+        out += [Removal(robot, "", version) for robot, version in known.removed_robots.items()]
         peer = self.with_bodies(data for held in known.held.values() for data in sorted(held.contents))
-        return replace(peer, held=peer.held.merge(known))
+        return peer.with_bodies(map(to_bytes, out))
 
-    def _with_body(self, data: bytes) -> "Peer":
-        """With one body more. Raises InputError where it is no sound message."""
-        digest = digest_of(data)
-        if digest in self.bodies:
+    def _owner(self, id_: str) -> int:
+        """The robot whose submaps have such an id; 0 where that is not known."""
+        names = {} if self.seal is None else {self.seal.names.robot(r): r for r in self.seal.known if r}
+        return names.get(id_.rpartition("/")[0], 0)
+
+    def _with_body(self, body: Body) -> "Peer":
+        """With one body more. Raises InputError where it is no sound message, or under a seal not signed by its
+        robot."""
+        if (digest := digest_of(body.data)) in self.bodies:
             return self
-        entry = entry_of(data)
-        held = self.held.merge(SubmapSet({entry.id: Held(entry.version, False, frozenset({data}))}))
-        bodies = {**self.bodies, digest: Content(entry, data)}
-        kept = {digest_of(data) for entry_ in held.held.values() for data in entry_.contents}
-        return replace(self, held=held, bodies=MappingProxyType({d: c for d, c in bodies.items() if d in kept}))
+        if self.seal is not None:
+            self.seal.verify(body)
+        found = opened(body.data)
+        if self.seal is not None:
+            self.seal.refuse_borrowed(body, found)
+        held = self.held.merge(found.news)
+        bodies = {**self.bodies, digest: Content(body, found)}
+        kept = {d: c for d, c in bodies.items() if c.entry.id != found.entry.id or c.opened.stands(held)}
+        return replace(self, held=held, bodies=MappingProxyType(kept))
 
     # --- a step ---------------------------------------------------------------------------------------------------
 
@@ -182,12 +223,14 @@ class Peer:
         peer, out = self, list[tuple[int, Packet]]()
         for sender, data in inbox:
             try:
+                if peer.revoked(sender):
+                    raise InputError("a packet of a robot that is out for ever")
                 if len(data) > self.habits.largest:
                     raise InputError(f"a packet of more than {self.habits.largest} bytes")
                 peer, said = peer._heard(now_s, sender, from_bytes(data))
                 out += said
             except TeamslamError as error:
-                peer = peer._refusing(str(error))
+                peer = peer._refusing(sender, str(error))
         for turn in (_asking, _sending, _telling):
             peer, said = turn(peer, now_s)
             out += said
@@ -203,21 +246,20 @@ class Peer:
                 return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask())]
             case Ask():
                 return self._on(sender, line), [(sender, self.listing)]
-            case List(entries, removed):
-                gone = {e.id: Held(e.version, True) for e in entries if e.digest is None}
-                held = self.held.merge(SubmapSet(MappingProxyType(gone), MappingProxyType(dict(removed))))
-                heard = replace(self, held=held) if held != self.held else self
-                return heard._on(sender, replace(line, lists=entries, asked_s=-1e300)), []
+            case List(entries):
+                return self._on(sender, replace(line, lists=entries, asked_s=-1e300)), []
             case Want(digests):
                 more = tuple(d for d in digests if d in self.bodies and d not in line.waiting)
                 return self._on(sender, replace(line, waiting=line.waiting + more)), []
             case Body(data):
                 wanted = MappingProxyType({d: t for d, t in self.wanted.items() if d != digest_of(data)})
-                return replace(self._with_body(data), wanted=wanted)._on(sender, line), []
+                return replace(self._with_body(packet), wanted=wanted)._on(sender, line), []
         raise AssertionError(packet)
 
-    def _refusing(self, reason: str) -> "Peer":
-        return replace(self, refused=MappingProxyType({**self.refused, reason: self.refused.get(reason, 0) + 1}))
+    def _refusing(self, sender: int, reason: str) -> "Peer":
+        line = self.lines.get(sender, Line())
+        refused = MappingProxyType({**self.refused, reason: self.refused.get(reason, 0) + 1})
+        return replace(self, refused=refused)._on(sender, replace(line, refused=line.refused + 1))
 
     def _on(self, sender: int, line: Line) -> "Peer":
         if self.lines.get(sender) is line:
@@ -238,21 +280,13 @@ class Peer:
         return peer
 
 
-@lru_cache(maxsize=4096)
-def entry_of(data: bytes) -> Entry:
-    """The entry of a body; what robots of one process hold in common is opened once. Raises InputError where it is no
-    sound message."""
-    received = receive(data)
-    return Entry(received.id, received.version, digest_of(data), len(data), received.submap().rows)
-
-
 Said = tuple[Peer, list[tuple[int, Packet]]]
 
 
 def _asking(peer: Peer, now_s: float) -> Said:
     """Ask for what is missing and was not asked for lately: each body of one who has it, each time of another."""
     before = now_s - peer.habits.patience_s
-    due = [e.digest for e in peer.missing if e.digest and peer.wanted.get(e.digest, -1e300) <= before]
+    due = [e.digest for e in peer.missing if peer.wanted.get(e.digest, -1e300) <= before]
     if not due:
         return peer, []
     holders = {
@@ -277,7 +311,7 @@ def _sending(peer: Peer, now_s: float) -> Said:
             content = peer.bodies.get(waiting.pop(0))
             if content is None:  # replaced since
                 continue
-            out.append((to, Body(content.data)))
+            out.append((to, content.body))
             if peer.habits.rate is not None:
                 free_s = max(free_s, now_s) + len(content.data) / peer.habits.rate
         if len(waiting) != len(line.waiting):

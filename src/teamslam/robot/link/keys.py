@@ -1,4 +1,8 @@
-"""The certificates of a team: an authority that only signs, and a certificate and key for each robot.
+"""The certificates of a team: an authority that only signs, and two certificates and keys for each robot.
+
+    robot-3.crt, robot-3.key              by which it proves who it is to whom it talks to (TLS)
+    robot-3.sign.crt, robot-3.sign.key    by which it signs its submaps, whoever passes them on (Ed25519)
+    robot-3.revoked                       that all its submaps are out: signed by the authority, passed on by all
 
 A certificate's common name is the robot's number in words: `robot-3`. Who holds the authority's key can make robots of
 the team; it belongs on no robot.
@@ -7,16 +11,22 @@ the team; it belongs on no robot.
 import datetime
 import ipaddress
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from teamslam.errors import InputError, MissingExtraError
+from teamslam.model import Names
 from teamslam.model.keys import MAX_ROBOT
+from teamslam.robot.packets import EVER, Body, Removal, from_bytes, to_bytes
+from teamslam.robot.seal import HOME, Seal, Verify, spoken
 
 if TYPE_CHECKING:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+    PrivateKey = EllipticCurvePrivateKey | Ed25519PrivateKey
 
 AUTHORITY = "authority"
 DAYS = 3650
@@ -28,15 +38,15 @@ def common_name(robot: int) -> str:
 
 
 def make_certificates(folder: Path, robots: Iterable[int], hosts: Iterable[str] = ("127.0.0.1", "localhost")) -> None:
-    """Certificates of some robots (`robot-3.crt`, `robot-3.key`), signed by the authority in the folder, which is made
-    where there is none. `hosts`: names and addresses at which the robots may be reached.
+    """Certificates of some robots, signed by the authority in the folder, which is made where there is none. `hosts`:
+    names and addresses at which the robots may be reached.
 
     Raises InputError where a robot has one already: two would be two robots of one name.
     """
-    try:
-        from cryptography import x509
-    except ModuleNotFoundError:
-        raise MissingExtraError("certificates need the package cryptography: pip install 'teamslam[robots]'") from None
+    refuse_without_cryptography()
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
     robots = list(robots)
     if wrong := [robot for robot in robots if not 1 <= robot <= MAX_ROBOT]:
         raise InputError(f"robots are numbered from 1 to {MAX_ROBOT}, found {wrong[0]}", field="robots")
@@ -57,6 +67,118 @@ def make_certificates(folder: Path, robots: Iterable[int], hosts: Iterable[str] 
         builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), True)
         _write(folder / f"{name}.key", _key_bytes(own), private=True)
         _write(folder / f"{name}.crt", _signed(builder, key))
+        signs = Ed25519PrivateKey.generate()
+        builder = _builder(f"{name} signs", authority.subject, signs)
+        builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), True)
+        _write(folder / f"{name}.sign.key", _key_bytes(signs), private=True)
+        _write(folder / f"{name}.sign.crt", _signed(builder, key))
+
+
+def revoke(folder: Path, team: str, robots: Iterable[int]) -> None:
+    """Sign, as the authority in the folder, that all submaps of some robots are out of a team's maps, for ever
+    (`robot-3.revoked`): one robot that is given the file tells the others.
+
+    Raises InputError where the folder has no authority with its key.
+    """
+    refuse_without_cryptography()
+    from cryptography.hazmat.primitives import hashes
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    for path in (folder / f"{AUTHORITY}.crt", folder / f"{AUTHORITY}.key"):
+        if not path.exists():
+            raise InputError("only the authority of a team can revoke, and there is no such file", path=path)
+    _, key = _authority(folder)
+    for robot in robots:
+        data = to_bytes(Removal(robot, "", EVER))
+        body = Body(data, HOME, key.sign(spoken(team, data), ec.ECDSA(hashes.SHA256())))
+        _write(folder / f"{common_name(robot)}.revoked", to_bytes(body))
+
+
+def read_revocations(folder: Path) -> list[Body]:
+    """The revocations in a folder. Raises InputError where one makes no sense."""
+    found = []
+    for path in sorted(folder.glob("*.revoked")):
+        packet = from_bytes(path.read_bytes())
+        if not isinstance(packet, Body):
+            raise InputError("this is no revocation", path=path)
+        found.append(packet)
+    return found
+
+
+def read_seal(folder: Path, team: str, robot: int, members: Iterable[int], names: Names) -> Seal:
+    """How a robot of a team signs, and knows what the members signed, by the certificates in a folder: its own key, and
+    `robot-N.sign.crt` of every member.
+
+    Raises InputError where a file is missing, makes no sense, or is not of this authority.
+    """
+    refuse_without_cryptography()
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    path = folder / f"{common_name(robot)}.sign.key"
+    own = load_pem_private_key(_read(path), None)
+    if not isinstance(own, Ed25519PrivateKey):
+        raise InputError("this is no key that signs submaps (Ed25519)", path=path)
+    known = {member: _verifier(folder, member) for member in {robot, *members}}
+    return Seal(team, robot, own.sign, known | {HOME: _home(folder)}, names)
+
+
+def _verifier(folder: Path, robot: int) -> Verify:
+    """Whether a robot signed some bytes, by its certificate."""
+    from cryptography import x509
+    from cryptography.exceptions import InvalidSignature
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    path = folder / f"{common_name(robot)}.sign.crt"
+    try:
+        certificate = x509.load_pem_x509_certificate(_read(path))
+        certificate.verify_directly_issued_by(x509.load_pem_x509_certificate(_read(folder / f"{AUTHORITY}.crt")))
+    except (InvalidSignature, ValueError, TypeError):
+        raise InputError(f"this is no certificate of the authority in {folder}", path=path) from None
+    key = certificate.public_key()
+    if certificate.subject.rfc4514_string() != f"CN={common_name(robot)} signs" or not isinstance(
+        key, Ed25519PublicKey
+    ):
+        raise InputError(f"this is not the certificate by which {common_name(robot)} signs", path=path)
+    return _asking(key.verify)
+
+
+def _home(folder: Path) -> Verify:
+    """Whether the authority signed some bytes."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key = x509.load_pem_x509_certificate(_read(folder / f"{AUTHORITY}.crt")).public_key()
+    assert isinstance(key, ec.EllipticCurvePublicKey)
+    return _asking(lambda signature, data: key.verify(signature, data, ec.ECDSA(hashes.SHA256())))
+
+
+def _asking(verify: Callable[[bytes, bytes], None]) -> Verify:
+    from cryptography.exceptions import InvalidSignature
+
+    def verified(signature: bytes, data: bytes) -> bool:
+        try:
+            verify(signature, data)
+        except InvalidSignature:
+            return False
+        return True
+
+    return verified
+
+
+def _read(path: Path) -> bytes:
+    if not path.exists():
+        raise InputError("there is no such file; `teamslam keys` makes it", path=path)
+    return path.read_bytes()
+
+
+def refuse_without_cryptography() -> None:
+    """Raises MissingExtraError where the package is not installed."""
+    try:
+        import cryptography  # noqa: F401
+    except ModuleNotFoundError:
+        raise MissingExtraError("certificates need the package cryptography: pip install 'teamslam[robots]'") from None
 
 
 def _authority(folder: Path) -> "tuple[x509.Certificate, EllipticCurvePrivateKey]":
@@ -76,7 +198,7 @@ def _authority(folder: Path) -> "tuple[x509.Certificate, EllipticCurvePrivateKey
     return x509.load_pem_x509_certificate(certificate.read_bytes()), key
 
 
-def _builder(name: str, issuer: "x509.Name", own: "EllipticCurvePrivateKey") -> "x509.CertificateBuilder":
+def _builder(name: str, issuer: "x509.Name", own: "PrivateKey") -> "x509.CertificateBuilder":
     from cryptography import x509
 
     now = datetime.datetime.now(datetime.UTC)
@@ -97,7 +219,7 @@ def _new_key() -> "EllipticCurvePrivateKey":
     return ec.generate_private_key(ec.SECP256R1())
 
 
-def _key_bytes(key: "EllipticCurvePrivateKey") -> bytes:
+def _key_bytes(key: "PrivateKey") -> bytes:
     from cryptography.hazmat.primitives import serialization as s
 
     return key.private_bytes(s.Encoding.PEM, s.PrivateFormat.PKCS8, s.NoEncryption())
