@@ -27,6 +27,7 @@ class Room:
     walls: dict
     ticks_ns: np.ndarray
     ways: list
+    line_s: float = 0.0  # of a shutter that rolls
 
 
 def wall_tags(rng, count=8):
@@ -57,7 +58,7 @@ def cube(first):
 CUBES = [cube(100), cube(200)]
 
 
-def make(seed=0, seconds=60.0, rate=5.0):
+def make(seed=0, seconds=60.0, rate=5.0, line_s=0.0):
     """The room and the robots' ways: two rounds each, looking about."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, 1.0 / rate)
@@ -67,7 +68,7 @@ def make(seed=0, seconds=60.0, rate=5.0):
         xy = np.stack([1.2 * np.cos(a), 1.0 * np.sin(a)], 1)
         heading = a + np.pi / 2 + 1.3 * np.sin(3.0 * a)
         ways.append(np.concatenate([xy, heading[:, None]], 1))
-    return Room(wall_tags(rng), START + (t * 1e9).astype(np.int64), ways)
+    return Room(wall_tags(rng), START + (t * 1e9).astype(np.int64), ways, line_s)
 
 
 def pose(xyth):
@@ -79,20 +80,40 @@ def camera_of(xyth):
     return R @ UPRIGHT, T + np.array([0.0, 0.0, HEIGHT])
 
 
+def between(room, robot, k, late_s):
+    """Where a robot was a little beside an image."""
+    way, step = room.ways[robot], (room.ticks_ns[1] - room.ticks_ns[0]) * 1e-9
+    before, after = max(k - 1, 0), min(k + 1, len(way) - 1)
+    return way[k] + (way[after] - way[before]) * late_s / (step * (after - before))
+
+
 def seen(room, robot, k, rng, noise=1.0):
     """What the detector says of one image: (number, corners (4, 2))."""
-    R, T = camera_of(room.ways[robot][k])
     other = 1 - robot
-    Ro, To = pose(room.ways[other][k])
-    tags = dict(room.walls) | {n: (Ro @ Rt, Ro @ Tt + To) for n, (Rt, Tt) in CUBES[other].items()}
+    tags = list(room.walls) + list(CUBES[other])
+
+    def at(number, late_s):
+        """A tag's pose, and the camera's, so long after the image's instant."""
+        way, others = (between(room, who, k, late_s) for who in (robot, other))
+        Ro, To = pose(others)
+        if number in room.walls:
+            return *room.walls[number], *camera_of(way)
+        Rt, Tt = CUBES[other][number]
+        return Ro @ Rt, Ro @ Tt + To, *camera_of(way)
+
     found = []
     square = 0.5 * SIZE * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
-    for number, (Rt, Tt) in tags.items():
+    for number in tags:
+        Rt, Tt, R, T = at(number, 0.0)
         corners = (square @ Rt.T + Tt - T) @ R
         facing = (Rt[:, 2] @ (T - Tt)) / np.linalg.norm(T - Tt)
         if corners[:, 2].min() < 0.2 or facing < 0.25:
             continue
         pixels = CAMERA.project(corners)
+        for _ in range(3 if room.line_s else 0):  # each corner where it is when its line is read
+            for corner, line in enumerate((pixels[:, 1] - 0.5 * (CAMERA.size[1] - 1)).tolist()):
+                Rt, Tt, R, T = at(number, line * room.line_s)
+                pixels[corner] = CAMERA.project((Rt @ square[corner] + Tt - T) @ R)
         if not ((pixels > 2).all() and (pixels < np.array(CAMERA.size) - 3).all()):
             continue
         side = np.linalg.norm(np.roll(pixels, -1, 0) - pixels, axis=1)
@@ -145,6 +166,7 @@ xyz_m = [0.0, 0.0, {HEIGHT}]
 quaternion_wxyz = [0.5, -0.5, 0.5, -0.5]
 floor_px = {FLOOR}
 edge_px = {EDGE}
+line_s = {room.line_s}
 """)
         for number, (R, T) in CUBES[robot].items():
             x, y, z, w = Rotation.from_matrix(R).as_quat().tolist()

@@ -123,6 +123,7 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
         xyz_m=tuple(CAMERA.translation.tolist()),
         quaternion_wxyz=tuple(CAMERA.quaternion_wxyz().tolist()),
         delay_s=options.delay_s,
+        line_s=options.shutter.line_s,
         floor_px=0.1,
         edge_px=0.3,
     )

@@ -6,6 +6,7 @@ tells nothing: the robot is taken to have gone on as the motion model says, with
 
     between keyframes:   X_a^-1 X_b, steps composed; covariance grows with time and with the way
     motion model:        stands still, give or take speed * dt and turn * dt (a camera carried by hand)
+    within moments:      X(t)^-1 X(t + d) = Exp(d v), v by odometry from t - WINDOW_S to t + WINDOW_S
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ import numpy as np
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import TICKS_PER_S, Track
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
+
+WINDOW_S = 0.05  # to each side: long beside the noise of wheels, short beside what changes how a robot moves
 
 
 class WayNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -76,6 +79,29 @@ def steps_between(track: Track, keyframes: IntArray, noise: WayNoise, longest_s:
     each = good[:, None, None]
     steps = Pose(np.where(each, steps.rotation, still.rotation), np.where(good[:, None], steps.translation, 0.0))
     return Steps(steps, diagonal(spread), track.ticks[1:][jumped], int(np.count_nonzero(~(held[:-1] & held[1:]))))
+
+
+def moved(track: Track, ticks: IntArray, over_s: Array, noise: WayNoise, longest_s: float = 1.0) -> Pose:
+    """How a robot moved (m, k) in the moments `over_s` (m, k) after `ticks` (m,), X(t)^-1 X(t + d), as fast as its
+    odometry says it was; not at all where that is missing or jumped.
+
+    Law: exact where velocities in the body do not change within WINDOW_S.
+    """
+    still = Pose.identity(3, over_s.shape)
+    if len(track) < 2:
+        return still
+    order = np.argsort(track.ticks, kind="stable")
+    track = track.select(order[np.append(True, np.diff(track.ticks[order]) > 0)])
+    window, longest = round(WINDOW_S * TICKS_PER_S), round(longest_s * TICKS_PER_S)
+    at = np.clip(np.stack([ticks - window, ticks, ticks + window]), track.ticks[0], track.ticks[-1])
+    poses, held = interpolate(track.ticks, track.poses, at.ravel(), longest)
+    before, here, after = (poses[np.arange(k * len(ticks), (k + 1) * len(ticks))] for k in range(3))
+    to, fro = (here.between(other).minus(Pose.identity(3, ticks.shape)) for other in (after, before))
+    velocity = (to - fro) * TICKS_PER_S / np.maximum(at[2] - at[0], 1)[:, None]
+    fast = np.linalg.norm(velocity[:, :3], axis=1) > noise.fastest_m_s
+    fast |= np.linalg.norm(velocity[:, 3:], axis=1) > noise.fastest_rad_s
+    velocity[fast | ~held.reshape(3, -1).all(0) | (at[2] <= at[0])] = 0.0
+    return Pose.from_tangent(over_s[..., None] * velocity[:, None], 3)
 
 
 def jumps(track: Track, noise: WayNoise) -> BoolArray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.camera import Camera
+from teamslam.frontend.tags.late import Motion, at_one_instant
 from teamslam.frontend.tags.noise import corner_sigmas
 from teamslam.geometry import Array, BoolArray, Pose, s2
 
@@ -38,10 +39,11 @@ class Tag:
 
 
 def corner_rows(
-    seen: TagCorners, camera: Camera, tags: list[Tag], floor: float, edge: float
+    seen: TagCorners, camera: Camera, tags: list[Tag], floor: float, edge: float, motion: Motion | None = None
 ) -> tuple[Array, Array, BoolArray]:
     """Values (m, 24) and whitening (m, 8, 8) of the model `corners`, and which rows (m,) have a direction at each
-    corner; `tags` (m,) are those that were seen."""
+    corner; `tags` (m,) are those that were seen. `motion` (m, 4) is that of the eye, in axes that look along x, and of
+    the tags' carriers, until each corner was seen; None: all were seen at the instant of the keyframe."""
     rays, good = camera.rays(seen.corners)
     turned = rays @ LOOKING.rotation
     slopes = camera.ray_slopes(seen.corners)  # in the axes of the camera
@@ -54,4 +56,8 @@ def corner_rows(
     for k in range(4):
         whitening[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = inverse[:, k]
     places = np.array([tag.corners for tag in tags]).reshape(-1, 12)
+    if motion is not None and usable.any():
+        rows = np.flatnonzero(usable)
+        part = Motion(motion.eye[rows], motion.body[rows])
+        turned[rows] = at_one_instant(turned[rows], places[rows].reshape(-1, 4, 3), whitening[rows], part)
     return np.concatenate([turned.reshape(-1, 12), places], -1), whitening, usable

@@ -73,7 +73,8 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
     robot's recording is a folder of images, `images` is a pattern of their names, and `rate_hz` says how many there are
     a second where these are no stamps. `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s`
-    is how long before its stamp an image was taken."""
+    is how long before its stamp the middle line of an image was taken; `line_s` is how much later than the line above
+    each line is read, 0 where all are exposed at once (below zero: from below)."""
 
     name: str
     tags: str = ""
@@ -84,6 +85,7 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     floor_px: float = 0.5
     edge_px: float = 0.5
     delay_s: float = 0.0
+    line_s: float = 0.0
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -209,6 +211,11 @@ def _check(team: TeamFile) -> None:
                     f"camera {camera.name} needs either a topic of detections (tags) or one of images, and has "
                     f"{'both' if camera.tags else 'neither'}",
                     field="robot.camera.tags",
+                )
+            if not (np.isfinite(camera.delay_s) and abs(camera.line_s) < 0.01):
+                raise InputError(
+                    f"camera {camera.name}: delay_s is finite, and a line is read within 0.01 s",
+                    field="robot.camera.line_s",
                 )
             if camera.rate_hz is not None and not 0.0 < camera.rate_hz < np.inf:
                 raise InputError("rate_hz is above 0", field="robot.camera.rate_hz")
