@@ -1,46 +1,55 @@
-"""What is put right is told, stays in the files, and travels with the map."""
+"""A camera calibrated from the command line: filmed in the virtual lab, written, and read by a team file."""
 
 import json
-from pathlib import Path
 
 import pytest
 
-from teamslam.io import write
-from trust.calibration.faulty import long_steps, team
+from teamslam.io.bags.calibration import read_camera
+
+pytest.importorskip("cv2")
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("long_steps") / "log"
-    write(long_steps(team(3, poses=80)), folder)
-    return folder
+def test_a_board_is_filmed_and_its_camera_found(teamslam, tmp_path):
+    assert teamslam("film", tmp_path / "lab", "--preset", "board", "--seconds", 40, "--images-hz", 0.25).code == 0
+    lab = tmp_path / "lab"
+    called = teamslam(
+        "calibrate", lab / "board.avi", "--board", lab / "board.toml", "--out", lab / "mine.yaml", "--json"
+    )
+    found = json.loads(called.out)
+    truth, mine = read_camera(lab / "truth.yaml"), read_camera(lab / "mine.yaml")
+    assert called.code in (0, 1) and found["views"] >= 8
+    assert abs(mine.focal[0] - truth.focal[0]) < 4.0 * found["focal_sigma"]["stated"] < 40.0
+    assert mine.size == truth.size and (lab / "mine.png").stat().st_size > 10_000
+    again = teamslam("calibrate", lab / "board.avi", "--board", lab / "board.toml", "--out", lab / "mine.yaml")
+    assert again.code == 2 and "something already" in again.err
 
 
-def test_what_was_put_right_is_said_and_travels_with_the_map(teamslam, log: Path, tmp_path: Path) -> None:
-    called = teamslam("run", log, "--out", tmp_path / "map", "--calibrate", "--no-figures")
-    report = json.loads((tmp_path / "map" / "report.json").read_text())
-    told = report["calibration"]
-    assert called.code == 0 and told["systematic"]
-    assert all(sentence.split(" (")[0] in called.out for sentence in told["sentences"])
-    assert {(e["robot"], e["source"], e["term"]) for e in told["systematic"]} == {
-        (robot, "odometry", "scale") for robot in "123"
-    }
-    assert [sigmas["what"] for sigmas in told["sigmas_m"]] == ["landmarks", "robots"]
-    assert all(0.0 < sigmas["noise"] <= sigmas["whole"] for sigmas in told["sigmas_m"])
-    again = teamslam("join", tmp_path / "map" / "maps", "--out", tmp_path / "again", "--truth", log, "--no-figures")
-    assert again.code == 0
-    for field in ("nees_per_dof", "landmark_rmse_m", "robot_position_rmse_m"):
-        scores = [json.loads((tmp_path / name / "report.json").read_text())[field] for name in ("map", "again")]
-        assert scores[0] == pytest.approx(scores[1], rel=1e-9), field
-    others = teamslam("convert", tmp_path / "map" / "maps", tmp_path / "map.csv")
-    assert others.code == 0 and "systematic" not in (tmp_path / "map.csv").read_text()
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "say which board"),
+        (("--charuco", "8x6"), "needs --square-m and --marker-m"),
+        (("--charuco", "eight", "--square-m", 1, "--marker-m", 0.5), "written as 8x6, found 'eight'"),
+        (("--aprilgrid", "6x6"), "needs --tag-m"),
+        (("--aprilgrid", "6x6", "--tag-m", 0.1), "no such file or folder"),
+        (("--aprilgrid", "6x6", "--tag-m", 0.1, "--model", "omni"), "unknown model 'omni'"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(options, words, teamslam, tmp_path):
+    called = teamslam("calibrate", tmp_path / "no.mp4", "--out", tmp_path / "camera.yaml", *options)
+    assert called.code == 2 and words in called.err and not list(tmp_path.iterdir())
 
 
-def test_without_being_asked_the_noise_is_taken_as_stated(teamslam, log: Path, tmp_path: Path) -> None:
-    assert teamslam("run", log, "--out", tmp_path / "map", "--no-figures").code == 0
-    assert json.loads((tmp_path / "map" / "report.json").read_text())["calibration"] is None
-
-
-def test_workers_are_refused_in_words(teamslam, log: Path, tmp_path: Path) -> None:
-    called = teamslam("run", log, "--out", tmp_path / "map", "--calibrate", "--workers", "2")
-    assert called.code == 2 and "--calibrate" in called.err
+def test_damaged_images_are_told(teamslam, tmp_path):
+    board = "--aprilgrid", "6x6", "--tag-m", 0.1, "--out", tmp_path / "camera.yaml"
+    for name, content, words in (
+        ("none.mp4", b"", "not a video that can be read"),
+        ("cut.avi", b"RIFF\x00\x00\x00\x00AVI LIST", "video"),
+        ("text.png", b"no image", "seen in none of 1 images"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        called = teamslam("calibrate", tmp_path / name, *board)
+        assert called.code == 2 and words in called.err, called.err
+    (tmp_path / "empty").mkdir()
+    called = teamslam("calibrate", tmp_path / "empty", *board)
+    assert called.code == 2 and "no images in it" in called.err

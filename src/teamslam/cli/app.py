@@ -9,6 +9,7 @@ from cyclopts import App, CycloptsError
 
 from teamslam import __version__
 from teamslam.cli.build import build
+from teamslam.cli.calibrate import calibrate
 from teamslam.cli.codes import BAD_INPUT, BUG, DONE, NO_MAP
 from teamslam.cli.console import complain, screen
 from teamslam.cli.convert import convert
@@ -53,7 +54,7 @@ Shell completion: `teamslam --install-completion`.
 
 app = App(name="teamslam", help=HELP, version=__version__, help_format="markdown", version_flags=["--version"])
 app.register_install_completion_command(help="Install completion of commands and options for this shell.")
-STORY = (demo, run, plan, simulate, film, convert, info, score, plot, view, paper)
+STORY = (demo, run, plan, simulate, film, calibrate, convert, info, score, plot, view, paper)
 PARTS = (split, build, join, exchange, robot, team, status, keys)
 for command in (*STORY, *PARTS):
     app.command(spoken(command))

@@ -36,6 +36,8 @@ def film(
     ```
     experiment     much like a Kinect: noise, motion blur, distortion, rolling shutter, an exposure that changes
     ideal          the same room by a camera that is nearly perfect
+    board          a calibration board, leaned to all sides before a camera, for `teamslam calibrate`
+    board-one-angle    the same from practically one angle, which leaves the focal length open
     ```
 
     Exit codes: 0 done; 2 bad input or usage.
@@ -51,7 +53,7 @@ def film(
     seconds
         How long; 60 without it.
     images_hz
-        Images a second of each robot; 5 without it.
+        Images a second of each robot; 5 without it (of a board: 2).
     to
         mcap (ROS 2) or bag (ROS 1).
     """
@@ -59,6 +61,8 @@ def film(
     from shlex import quote
 
     from teamslam.cli.console import answer, progress_bar, say
+    from teamslam.cli.shown import PRESETS as BOARDS
+    from teamslam.cli.shown import film_board
     from teamslam.errors import InputError
     from teamslam.io.bags.team_file import write_team_file
     from teamslam.io.bags.written import KINDS, image_messages, odometry_messages, pose_messages, write_recording
@@ -69,8 +73,11 @@ def film(
 
     if out.exists():
         raise InputError("the output is there already; choose another name", path=out)
+    if preset in BOARDS:
+        return film_board(out, preset, seed, seconds, images_hz)
     if preset not in PRESETS:
-        raise InputError(f"unknown preset '{preset}'; choose one of {', '.join(PRESETS)}", field="preset")
+        known = ", ".join((*PRESETS, *BOARDS))
+        raise InputError(f"unknown preset '{preset}'; choose one of {known}", field="preset")
     if to not in KINDS:
         raise InputError(f"recordings are written as {' or '.join(KINDS)}, found '{to}'", field="to")
     options = PRESETS[preset]

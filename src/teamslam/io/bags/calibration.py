@@ -1,12 +1,12 @@
-"""Calibrated cameras from the files that people have: ROS, OpenCV, Kalibr and TagSLAM (YAML), WPILib and PhotonVision
-(JSON), and from `camera_info` in a recording.
+"""Calibrated cameras from the files that people have: ROS, OpenCV (and XML), Kalibr and TagSLAM (YAML), WPILib and
+PhotonVision (JSON), and from `camera_info` in a recording.
 
 A file that holds several cameras is asked for the one whose topic is at hand, or by its name in the file.
 """
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ NUMBERS = ("distortion_coefficients", "distCoeffs", "cameraExtrinsics", "D", "d"
 def read_camera(path: Path, name: str | None = None, topics: Sequence[str] = ()) -> Camera:
     """The camera in a calibration file; of several the one called `name`, else that of one of the `topics`. InputError
     where the file holds none, or none of these."""
-    table = _parsed(path)
+    table = parsed(path)
     several = {k: v for k, v in table.items() if isinstance(v, Mapping) and "intrinsics" in v}
     if not several:
         return _camera(table, path)
@@ -63,7 +63,8 @@ def camera_in(recording: Recording, topic: str) -> Camera:
     raise InputError(f"{topic} holds no calibrated camera (its K is zero, or nothing came)", path=recording.path)
 
 
-def _parsed(path: Path) -> Mapping[str, Any]:
+def parsed(path: Path) -> Mapping[str, Any]:
+    """The table in a file of YAML (also as OpenCV writes it), JSON, or OpenCV's XML. InputError where it holds none."""
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
@@ -71,11 +72,11 @@ def _parsed(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise InputError(f"the calibration cannot be read: {error.strerror or error}", path=path) from None
     try:
-        table = json.loads(text) if text.lstrip().startswith("{") else _yaml(text)
+        table = _READERS.get(text.lstrip()[:1], _yaml)(text)
     except MissingExtraError:
         raise
     except Exception as error:  # the parsers' own, of many kinds
-        raise InputError(f"neither YAML nor JSON: {str(error).splitlines()[0]}", path=path) from None
+        raise InputError(f"neither YAML, JSON nor XML: {str(error).splitlines()[0]}", path=path) from None
     if not isinstance(table, Mapping):
         raise InputError("expected names with values at the top, as a calibration has them", path=path)
     return table
@@ -89,6 +90,21 @@ def _yaml(text: str) -> Any:
         raise MissingExtraError("calibrations in YAML need the extra: `pip install teamslam[bags]`") from None
     text = re.sub(r"^%YAML:.*$", "", text, count=1, flags=re.MULTILINE).replace("!!opencv-matrix", "")
     return YAML(typ="safe", pure=True).load(text)
+
+
+def _xml(text: str) -> Any:
+    """OpenCV's XML: each entry a text, or a matrix with its data."""
+    from xml.etree import ElementTree
+
+    if "<!" in text:
+        raise ValueError("declarations are not read")
+    return {
+        entry.tag: {"data": (entry.findtext("data") or "").split()} if len(entry) else (entry.text or "").strip()
+        for entry in ElementTree.fromstring(text)
+    }
+
+
+_READERS: dict[str, Callable[[str], Any]] = {"{": json.loads, "<": _xml}
 
 
 def _camera(table: Mapping[str, Any], path: Path) -> Camera:

@@ -5,7 +5,7 @@ A folder's images are named by when they were taken, as data sets have it: `1403
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
@@ -85,6 +85,16 @@ def pictures_of_folder(folder: Path, pattern: str, rate_hz: float | None) -> Pic
             yield Picture(ticks[k] or 0, lambda path=files[k]: _file(path))  # type: ignore[misc]
 
     return Pictures(pattern, digest(folder, pattern), len(files), each)
+
+
+def pictures_of_files(files: Sequence[Path]) -> Pictures:
+    """Image files, counted as they stand."""
+
+    def each() -> Iterator[Picture]:
+        for k, file in enumerate(files):
+            yield Picture(k, lambda file=file: _file(file))  # type: ignore[misc]
+
+    return Pictures(files[0].name, "", len(files), each)
 
 
 def digest(path: Path, part: str) -> str:

@@ -41,7 +41,7 @@ def tag_board(number: int, size_m: float, pose: Pose) -> Board:
 def tag_picture(number: int) -> Array:
     """The cells (10, 10) of a tag with its margin, as its makers print it; OpenCV keeps them on their heads.
     InputError for a number that the family has not."""
-    cv2 = _opencv()
+    cv2 = opencv()
     book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     if not 0 <= number < len(book.bytesList):
         raise InputError(f"{FAMILY} has tags 0 to {len(book.bytesList) - 1}, found {number}", field="number")
@@ -70,7 +70,8 @@ def facing(angle: float, place: Array) -> Pose:
     return Pose(np.stack([np.cross(up, z), up, z], -1), np.asarray(place, float))
 
 
-def _opencv() -> Any:
+def opencv() -> Any:
+    """OpenCV. MissingExtraError where it is not installed."""
     try:
         import cv2
     except ImportError:

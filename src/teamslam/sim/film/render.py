@@ -6,6 +6,7 @@ room itself is drawn by one ray a pixel, as its pattern is soft; boards by 3 x 3
     board's frame:   o + s d,   with o the eye and d the ray there;   it is met at s = -o_z / d_z
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -47,6 +48,14 @@ class Renderer:
             far = [np.linalg.norm(middle.act(b.pose.translation) - [*here, CAMERA.translation[2]]) for b in boards]
             for k in np.argsort(far)[::-1].tolist():
                 self._draw(image, boards[k], eye, body)
+        return image
+
+    def scene(self, eye: Pose, boards: Iterable[tuple[Board, Pose]]) -> Array:
+        """The light on each pixel of a camera at `eye` in the room, with boards on carriers at poses (3, 3, lines),
+        those behind first."""
+        image = self._room(eye[1, 1])
+        for board, carrier in boards:
+            self._draw(image, board, eye, carrier)
         return image
 
     @cached_property
