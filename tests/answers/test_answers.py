@@ -12,7 +12,7 @@ import teamslam as ts
 from teamslam.answers import Relative
 from teamslam.errors import MissingExtraError, ModelError
 from teamslam.model import Names, Values, pose_key
-from teamslam.results import read_run, with_residuals, write_run
+from teamslam.results import read_run, write_run
 from worlds import mixed_team, team
 
 NAMES = Names({1: "red", 2: "blue", 3: "green"}, {0: "door", 1: "lamp", 2: "tree"}, 0.5)
@@ -143,7 +143,7 @@ def test_the_worst_residuals_are_the_largest_and_name_the_row(flat) -> None:
 
 def test_columns_are_those_of_the_csv_files_and_a_run_read_back_answers_alike(run, tmp_path: Path) -> None:
     write_run(run, tmp_path / "run", figures=False)
-    back = with_residuals(read_run(tmp_path / "run"), tmp_path / "run")
+    back = read_run(tmp_path / "run")
     for file, columns in (
         ("landmarks.csv", [run.landmarks.columns(), back.landmarks.columns()]),
         ("trajectories.csv", [_together(run), _together(back)]),

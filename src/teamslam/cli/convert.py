@@ -22,7 +22,7 @@ def convert(
     teamslam convert robots.g2o team.jrl
     teamslam convert RUN map.csv                 # a run's map: poses and landmarks with their covariances
     teamslam convert RUN map.g2o                 # vertices, and an edge from the frame to each
-    teamslam convert RUN map.jrr                 # GTSAM's values as JSON robot results
+    teamslam convert RUN map.jrl                 # the same as a JSON robot log; map.jrr for GTSAM's values alone
     teamslam convert RUN way.tum                 # a file a robot
     teamslam convert RUN landmarks.yaml          # landmarks by name; map.ply for viewers of points and meshes
     teamslam convert RUN recording --to ros      # paths and markers for ROS 2
@@ -44,7 +44,7 @@ def convert(
     recordings  of ROS: a team file that names them           (read only)
     ```
 
-    Of maps (of a run, or of a file that holds one): csv, truth (read only), g2o, jrr, tum; and to write
+    Of maps (of a run, or of a file that holds one): csv, truth (read only), g2o, jrl, jrr, tum; and to write
     only: geojson, kml, ply, yaml, ros, wpilib, rrd, foxglove. Of submaps: teamslam, linear and islsjf (read only).
 
     Exit codes: 0 done; 2 bad input or usage.

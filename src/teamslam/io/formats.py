@@ -67,6 +67,9 @@ MAP_FORMATS: dict[str, Format] = {
     "g2o": Format(
         "teamslam.io.maps.star", "g2o graph: vertices, and an edge from the frame to each", (".g2o",), reads=False
     ),
+    "jrl": Format(
+        "teamslam.io.maps.jrl_star", "JSON robot log: a factor from the frame to each variable", (".jrl",), reads=False
+    ),
     "jrr": Format("teamslam.io.maps.jrr", "GTSAM's values as JSON robot results", (".jrr",)),
     "tum": Format("teamslam.io.maps.tum", "TUM trajectories, a file a robot", (".tum",)),
     "geojson": Format(
@@ -157,7 +160,10 @@ def write_maps(
     path = Path(path)
     row = _row_to_write(MAP_FORMATS, path, format, None)
     if row.anchored and anchor is None:
-        raise InputError("places on the Earth need an anchor: where the map's origin is, and how its x axis is turned")
+        raise InputError(
+            "places on the Earth need an anchor, which says where the map's origin is: --anchor LATITUDE,LONGITUDE on the "
+            "command line, anchor=teamslam.geometry.Anchor(latitude, longitude) in a script"
+        )
     if anchor is not None and not row.anchored:
         able = " and ".join(name for name, other in MAP_FORMATS.items() if other.anchored)
         raise InputError(f"an anchor goes with places on the Earth ({able}); this format holds the map's own")

@@ -38,7 +38,7 @@ from teamslam.results.archive import write_archive
 from teamslam.results.drawing import drawing
 from teamslam.results.page import PAGE
 from teamslam.results.record import Record
-from teamslam.results.residuals import read_residuals, write_residuals
+from teamslam.results.residuals import residuals_in, write_residuals
 from teamslam.results.tables import (
     read_histories,
     write_histories,
@@ -113,7 +113,7 @@ def read_run(folder: str | Path) -> Record:
         histories = read_histories(folder / "history.csv", len(maps))
     except (ValueError, IndexError, csv.Error) as error:
         raise InputError(f"not a table of solver steps: {error}", path=folder / "history.csv") from None
-    return Record(maps, _covariances(maps, folder / "maps"), truth, sightings, histories, report)
+    return Record(maps, _covariances(maps, folder / "maps"), truth, sightings, histories, report, folder=folder)
 
 
 def _covariances(maps: Sequence[Submap], path: Path) -> tuple[Covariances, ...]:
@@ -127,11 +127,7 @@ def _covariances(maps: Sequence[Submap], path: Path) -> tuple[Covariances, ...]:
 def with_residuals(record: Record, folder: str | Path) -> Record:
     """A record with the residuals that lie in its folder; as it is where there are none. InputError where the file is
     another's."""
-    path = Path(folder) / "residuals.csv"
-    try:
-        return replace(record, rows=read_residuals(path)) if path.exists() else record
-    except (ValueError, csv.Error, StopIteration) as error:
-        raise InputError(f"not a table of residuals: {error}", path=path) from None
+    return replace(record, rows=residuals_in(Path(folder)) or record.rows)
 
 
 def read_report(folder: str | Path) -> dict[str, Any]:

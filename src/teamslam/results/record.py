@@ -6,6 +6,7 @@ report.json says, `residuals` what residuals.csv does (nothing in a record that 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,15 @@ from teamslam.geometry import IntArray
 from teamslam.model import Dataset, Submap, Values
 from teamslam.pipeline import Result
 from teamslam.results.report import report_of
-from teamslam.results.residuals import residuals_of
+from teamslam.results.residuals import residuals_in, residuals_of
 from teamslam.solver import Covariances, Step
 
 
 @dataclass(frozen=True, eq=False)
 class Record(Answers):
     """A run as it is kept, asked by name (see `teamslam.answers`). `truth` is in the world's frame, `sightings` (n, 2)
-    are pairs of pose keys; `rows` what every row of the log leaves at the map."""
+    are pairs of pose keys; `rows` what every row of the log leaves at the map (else `folder`, where
+    it was read from, has them)."""
 
     maps: tuple[Submap, ...]
     covariances: tuple[Covariances, ...]
@@ -32,6 +34,7 @@ class Record(Answers):
     histories: tuple[tuple[Step, ...], ...]
     report: Mapping[str, Any] = field(default_factory=dict)
     rows: tuple[Residuals, ...] = ()
+    folder: Path | None = None
 
     @classmethod
     def of(cls, result: Result) -> "Record":
@@ -48,10 +51,12 @@ class Record(Answers):
         )
 
     def residuals(self) -> ResidualTable:
-        """How far every row of the log is off. InputError where the run was read back without them."""
-        if not self.rows:
-            raise InputError("no residuals are at hand: with_residuals(run, folder) reads those that lie in its folder")
-        return ResidualTable(self.rows)
+        """How far every row of the log is off; of a run that was read back, as its folder has them. InputError where
+        there are none."""
+        rows = self.rows or (residuals_in(self.folder) if self.folder is not None else ())
+        if not rows:
+            raise InputError("this run has no residuals: the measurements that it was made of were not at hand")
+        return ResidualTable(rows)
 
     def __repr__(self) -> str:
         return f"Record({self.report.get('status', 'a run')} {len(self.maps)} map{'s' * (len(self.maps) != 1)})"

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.answers.residuals import Residuals, residuals_in_words
+from teamslam.errors import InputError
 from teamslam.io.files.letters import Letters, integers, lines, significant, spelled, words
 from teamslam.trust import Verdict
 
@@ -73,6 +74,15 @@ def read_residuals(path: Path) -> tuple[Residuals, ...]:
         for cells in rows:
             found.setdefault(tuple(cells[:4]), []).append(cells[4:])
     return tuple(_part(words, cells) for words, cells in found.items())
+
+
+def residuals_in(folder: Path) -> tuple[Residuals, ...]:
+    """What lies in a run folder; nothing where it holds none. InputError where the file is another's."""
+    path = folder / "residuals.csv"
+    try:
+        return read_residuals(path) if path.exists() else ()
+    except (ValueError, csv.Error, StopIteration) as error:
+        raise InputError(f"not a table of residuals: {error}", path=path) from None
 
 
 def _part(words: tuple[str, ...], cells: list[list[str]]) -> Residuals:

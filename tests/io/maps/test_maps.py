@@ -60,13 +60,14 @@ def test_several_maps(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.glob("*.tum")) == ["way_Ada__the_1st.tum", "way_b.tum", "way_part_2.tum"]
 
 
+@pytest.mark.parametrize("ending", ["g2o", "jrl"])
 @given(generators, dims, st.booleans())
-def test_the_edges_of_a_map_lead_to_the_map(rng: np.random.Generator, dim: int, world: bool) -> None:
-    """The vertices of its g2o file are its estimate; so is the optimum of its edges, with its covariances."""
+def test_the_edges_of_a_map_lead_to_the_map(ending: str, rng: np.random.Generator, dim: int, world: bool) -> None:
+    """The vertices of its graph are its estimate; so is the optimum of its edges, with its covariances."""
     expected = estimate(rng, dim, world=world)
     with TemporaryDirectory() as folder:
-        write_maps([expected], Path(folder) / "map.g2o")
-        log = read(Path(folder) / "map.g2o")
+        write_maps([expected], Path(folder) / f"map.{ending}")
+        log = read(Path(folder) / f"map.{ending}")
     assert_same_values(log.initial, expected.values)
     layout = expected.values.layout
     system = System(layout, tables=log.tables, fixed=[] if world else [expected.base])
@@ -223,6 +224,6 @@ def test_nothing_but_a_map_or_an_error_comes_out(tmp_path_factory: pytest.TempPa
 
 def test_every_format_of_maps_is_tested() -> None:
     written = {name for name, row in MAP_FORMATS.items() if row.writes}
-    assert written == {"g2o", "jrr", "tum", "csv", "rrd", "foxglove", "geojson", "kml", "ply", "yaml", "ros", "wpilib"}
+    assert written == {"g2o", "jrl", "jrr", "tum", "csv", "rrd", "foxglove", "geojson", "kml", "ply", "yaml", "ros", "wpilib"}
     assert {name for name, row in MAP_FORMATS.items() if row.reads} == {"jrr", "csv", "tum", "truth"}
     assert csv and pack
