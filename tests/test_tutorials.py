@@ -1,8 +1,8 @@
 """Pages that one follows step by step: what they tell to run runs, and prints what they say.
 
 In each, blocks are gone through in order, in an empty folder. A block of `sh` is run; one of Python or TOML whose first
-line is a comment that names a file is saved as that; any other Python is run. Each line of a block of `text` must be in what
-was printed, or in a file that was written, by then. What follows `<!-- not run -->` is passed over.
+line is a comment that names a file is saved as that; any other Python is run. Each line of a block of `text` must be in
+what was printed, or in a file that was written, by then. What follows `<!-- not run -->` is passed over.
 """
 
 import contextlib

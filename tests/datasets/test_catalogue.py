@@ -31,9 +31,9 @@ def test_names_are_told_apart() -> None:
 
 def test_every_set_that_the_pages_name_is_listed() -> None:
     text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
-    known = " ".join(f"{found.folder} {found.file} {found.command}" for found in public_sets())
+    known = " ".join(f"{s.folder} {s.file} {s.command} {list(s.sha256)}" for s in public_sets())
     used = set(re.findall(r"MRCLAM_Dataset\d|\b[\w-]+\.(?:pyfg|mat)\b|VicPark_\w+maps|parking-garage", text))
-    examples = {"team.pyfg", "graphs.pyfg", "localmap_1.mat"}
+    examples = {"team.pyfg", "graphs.pyfg"} | {f"localmap_{number}.mat" for number in range(10)}
     assert {name for name in used - examples if name not in known} == set()
 
 

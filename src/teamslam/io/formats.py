@@ -161,8 +161,8 @@ def write_maps(
     row = _row_to_write(MAP_FORMATS, path, format, None)
     if row.anchored and anchor is None:
         raise InputError(
-            "places on the Earth need an anchor, which says where the map's origin is: --anchor LATITUDE,LONGITUDE on the "
-            "command line, anchor=teamslam.geometry.Anchor(latitude, longitude) in a script"
+            "places on the Earth need an anchor, which says where the map's origin is: --anchor LATITUDE,LONGITUDE on "
+            "the command line, anchor=teamslam.geometry.Anchor(latitude, longitude) in a script"
         )
     if anchor is not None and not row.anchored:
         able = " and ".join(name for name, other in MAP_FORMATS.items() if other.anchored)

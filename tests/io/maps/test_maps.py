@@ -224,6 +224,20 @@ def test_nothing_but_a_map_or_an_error_comes_out(tmp_path_factory: pytest.TempPa
 
 def test_every_format_of_maps_is_tested() -> None:
     written = {name for name, row in MAP_FORMATS.items() if row.writes}
-    assert written == {"g2o", "jrl", "jrr", "tum", "csv", "rrd", "foxglove", "geojson", "kml", "ply", "yaml", "ros", "wpilib"}
+    assert written == {
+        "g2o",
+        "jrl",
+        "jrr",
+        "tum",
+        "csv",
+        "rrd",
+        "foxglove",
+        "geojson",
+        "kml",
+        "ply",
+        "yaml",
+        "ros",
+        "wpilib",
+    }
     assert {name for name, row in MAP_FORMATS.items() if row.reads} == {"jrr", "csv", "tum", "truth"}
     assert csv and pack

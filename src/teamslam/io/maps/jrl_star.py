@@ -1,8 +1,8 @@
 """Whole maps as JSON robot logs (.jrl): the map as factors from its frame to each variable, and as initial values.
 
 As the g2o graph of a map (`star`), in JRL's words: a factor states where a variable was found, seen from the base pose,
-with the variable's own covariance; of a map in the world's frame it is a prior. The optimum is the map. Points are
-ranges with bearings there, so that covariances are the map's to first order. Correlations between variables are left out.
+with the variable's own covariance; of a map in the world's frame it is a prior. The optimum of the factors is the map,
+and marginal covariances there are the map's. Points are written as ranges with bearings. Correlations are left out.
 Source: the public format documents of JRL (Daniel McGann).
 """
 
@@ -24,9 +24,7 @@ def write(maps: Sequence[MapEstimate], path: Path) -> tuple[Dropped, ...]:
     if problem is not None:
         raise InputError(f"{problem}; write a CSV")
     said = [
-        lost
-        for log, file in zip(logs, paths_of(path, len(maps)), strict=True)
-        for lost in jrl_writer.write(log, file)
+        lost for log, file in zip(logs, paths_of(path, len(maps)), strict=True) for lost in jrl_writer.write(log, file)
     ]
     count = sum(len(found.values) for found in maps)
     return (
