@@ -1,7 +1,7 @@
 """The options of each room, gathered: one TOML file in, one file saved beside the result.
 
     method = "join"              # or "full": all measurements in one least squares problem
-    calibrate = false            # true: what the data show to be wrong with their noise is put right, and mapped again
+    calibrate = true             # false: the noise is taken as the log states it, whatever the data show
     [read]                       # options of the reader, as in teamslam.read(path, **options)
     [loss]                       # replaces the loss of every sighting; absent: as the reader set it
     name = "huber"
@@ -101,12 +101,12 @@ class Config:
     """Everything that a run may be told. `Config()` is the default run.
 
     `loss` None keeps the losses that the reader chose for its sensors. `read` is handed to the reader of the input's
-    format, which knows the names and checks them. `calibrate`: whether what the data show to be wrong with their
-    model is put right, and the map made again.
+    format, which knows the names and checks them. `calibrate`: what the data show to be wrong with their model
+    is put right, and the map made again; false takes the noise as it is stated.
     """
 
     method: str = "join"
-    calibrate: bool = False
+    calibrate: bool = True
     read: Mapping[str, ReaderOption] = field(default_factory=dict)
     loss: Loss | None = None
     split: SplitOptions = field(default_factory=SplitOptions)

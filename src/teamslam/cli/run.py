@@ -39,6 +39,7 @@ def run(
     teamslam run MRCLAM_Dataset6 --out near --exact --gap 1e-6
     teamslam run MRCLAM_Dataset6 --out full --method full
     teamslam run my-team --out my-map --loss huber --loss-scale 2
+    teamslam run my-team --out as-stated --no-calibrate
     teamslam run my-team --out my-map --reject --repair
     teamslam run my-team --out again --config my-map/config.toml
     teamslam run many-robots --out large --workers 8
@@ -66,7 +67,7 @@ def run(
         Scale of the loss, in sigmas.
     calibrate
         Where the data show that their noise is not as stated (systematic errors, wrong standard deviations, errors that
-        hang together in time), put it right and map once more.
+        hang together in time), put it right and map once more (the default). --no-calibrate takes the noise as stated.
     reject
         Find the sightings that are wrong and leave them out; report.json lists them.
     wrong
@@ -79,8 +80,9 @@ def run(
     format
         The format of the input, where it cannot be told from its looks.
     workers
-        Build and join the submaps in so many processes, by a tree. What they make lies beside the output, in
-        OUT.parts, until all is done: run the same command again after an interruption, and it goes on from there.
+        Build and join the submaps in so many processes, by a tree, with the noise as it is stated. What they make lies
+        beside the output, in OUT.parts, until all is done: run the same command again after an interruption, and it
+        goes on from there.
     cluster
         Do so on the workers of the dask scheduler at this address (tcp://host:8786) instead; they need to see the
         output folder under the same path. Needs `pip install teamslam[cluster]`.
@@ -119,7 +121,7 @@ def run(
     )
     crew = workers_for(workers, cluster)
     if crew is not None:
-        refuse_workers(options)
+        refuse_workers(options, calibrate=bool(calibrate))
     with progress_bar() as progress, ExitStack() as meanwhile:
         progress("reading", 0, 0)
         dataset = read_log(input, options.read, format=format, progress=progress)

@@ -61,12 +61,12 @@ def mapped(
     return pieces, submaps, joined
 
 
-def refuse_workers(config: Config) -> None:
-    """Raise InputError for options that workers cannot follow."""
+def refuse_workers(config: Config, *, calibrate: bool = False) -> None:
+    """Raise InputError for options that workers cannot follow; to `calibrate` is one where it is asked for in words."""
     if config.method == "full" or config.join.exact:
         raise InputError("workers join submaps by a tree; full least squares and exact joins run in one process")
-    if config.calibrate:
-        raise InputError("workers take the noise as stated; leave out --calibrate (calibrate = true), or the workers")
+    if calibrate:
+        raise InputError("workers take the noise as it is stated; leave out --calibrate, or the workers")
     if config.join.order != "at once":
         raise InputError(f"workers join submaps by a tree of their own, not in the order '{config.join.order}'")
 

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from teamslam.config import Config
-from teamslam.joining import ORDERS, Joined, build_with_solution, exact_join, full
+from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
 from teamslam.model import Dataset, Submap
 from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
-from teamslam.trust import Decisions, Suspicions, mended, suspicions, wrong_sightings
-from teamslam.trust.calibration import Calibration
+from teamslam.trust import Decisions, Suspicions, has_mistakes, mended, suspicions, wrong_sightings
+from teamslam.trust.calibration import Calibration, calibrate
 
 
 def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisions | None, Suspicions | None]:
@@ -26,6 +26,13 @@ def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisi
     return log, decisions, suspected
 
 
+def calibrated(log: Dataset, joined: Joined, at: Sequence[AtMap]) -> Calibration:
+    """What is wrong with the noise of a log; nothing where it is no noise, but a map that is wrong, or a mistake in the
+    log, such as degrees for radians: these are told by the verdict on the fit, and are for people to put right."""
+    found = calibrate(at)
+    return Calibration() if found and (found.wild or has_mistakes(log, joined, at)) else found
+
+
 def once_more(
     log: Dataset,
     config: Config,
@@ -36,10 +43,10 @@ def once_more(
     clock: Clock,
 ) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
     """The map of the log put right, from the map there is."""
-    right = calibration.put_right(log)
+    right, near = calibration.put_right(log), _moved(joined, calibration)
     clock.start("once more, put right")
     if config.method == "full":
-        again = full(right, initial=_moved(joined, calibration), options=config.solver)
+        again = full(right, initial=near, options=config.solver)
         return [], (), replace(_carrying(again, calibration, right), left_out=joined.left_out, remarks=joined.remarks)
     whole = pairs(pieces or pieces_of(log, config), submaps)
     clock.start("once more, put right", len(whole))
@@ -53,6 +60,7 @@ def once_more(
         again = exact_join(
             pieces,
             choices=[[submap] for submap in built],
+            near=near,
             gap=config.join.gap,
             max_rounds=config.join.max_rounds,
             options=config.solver,
@@ -60,8 +68,14 @@ def once_more(
         again = _carrying(again, calibration, right)
     else:
         carried = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
-        again, built = ORDERS[config.join.order](carried, options=config.solver), tuple(carried)
+        again, built = _joined_again(carried, near, config), tuple(carried)
     return pieces, built, replace(again, left_out=joined.left_out, remarks=joined.remarks)
+
+
+def _joined_again(submaps: Sequence[Submap], near: Joined, config: Config) -> Joined:
+    if config.join.order == "at once":
+        return join(submaps, near=near, options=config.solver)
+    return ORDERS[config.join.order](submaps, options=config.solver)
 
 
 def _moved(joined: Joined, calibration: Calibration) -> Joined:

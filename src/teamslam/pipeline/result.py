@@ -1,7 +1,7 @@
 """A finished run: what went in, what came out, and how far it is to be believed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from teamslam.answers import Answers, ResidualTable
 from teamslam.answers.maps_card import facts_of, maps_card
@@ -22,7 +22,7 @@ class Result(Answers):
     a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
     is empty for full least squares. `trust` says how far the map is to be believed, `decisions` which sightings were
     wrong and left out, where that was asked for; `calibration` what was wrong with the model of the data, and was put
-    right.
+    right; it is false where nothing was, None where the noise was taken as stated.
     """
 
     config: Config
@@ -35,7 +35,7 @@ class Result(Answers):
     scores: tuple[Report, ...]
     seconds: dict[str, float]
     decisions: Decisions | None = None
-    calibration: Calibration = field(default_factory=Calibration)
+    calibration: Calibration | None = None
 
     @property
     def map(self) -> Submap:

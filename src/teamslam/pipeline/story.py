@@ -2,7 +2,7 @@
 
 landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
--> what is wrong with the model of the data; where it is, once more with the data put right
+-> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
 -> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
 """
 
@@ -17,13 +17,12 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
-from teamslam.pipeline.mending import cleared, once_more
+from teamslam.pipeline.mending import calibrated, cleared, once_more
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
 from teamslam.solver import Covariances, meanwhile
-from teamslam.trust import assess, explained, with_plain_reasons
+from teamslam.trust import assess, explained, suspicions, with_plain_reasons
 from teamslam.trust.associate import associate
-from teamslam.trust.calibration import Calibration, calibrate
 
 DEFAULTS = Config()
 
@@ -39,8 +38,8 @@ def run(
     """Map a team's log by submap joining or by full least squares, as `config.method` says. `dataset` is a log, or the
     file or folder that one lies in, read with `config.read`.
 
-    With `workers`, submaps are built and joined on them, by a tree; what they make lies in the folder `work`, from
-    which an interrupted run goes on (None: a folder that is gone afterwards).
+    With `workers`, submaps are built and joined on them, by a tree, with the noise as it is stated; what they make lies
+    in the folder `work`, from which an interrupted run goes on (None: a folder that is gone afterwards).
     Parts that cannot be joined are components of the result; what no map can be made of is in `joined.left_out`. Raises
     SolveError where that is everything, InputError where workers are asked for what they cannot do.
     """
@@ -58,24 +57,27 @@ def run(
     except SolveError as error:
         raise explained(error, log) from None
     at = _at(log, joined)
-    calibration = Calibration()
-    if config.calibrate:
+    calibration = None
+    if config.calibrate and workers is None:
         clock.start("calibration")
-        calibration = calibrate(at)
-    if not calibration.nothing:
+        calibration = calibrated(log, joined, at)
+    suspects = not config.join.exact and workers is None
+    if calibration:
+        if suspected is None and suspects and submaps:  # who lies is told before his errors are put right
+            clock.start("suspicions")
+            suspected = suspicions(log, submaps, joined)
         pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
     with meanwhile(lambda: [known.all for known in asked]):
         if config.method == "join":
             clock.start("exactness")
-            at = at if calibration.nothing else _at(calibration.put_right(log), joined)
+            at = _at(calibration.put_right(log), joined) if calibration else at
             joined = with_exactness(joined, pairs(pieces, submaps), at)
-        if not calibration.nothing:  # each row is judged by the deviation that it has alone
+        if calibration:  # each row is judged by the deviation that it has alone
             log = calibration.put_right(log, weigh=False)
             at = _at(log, joined)
-        apart = () if config.join.exact or workers is not None else submaps
-        trust = assess(log, apart, joined, at, known=suspected, stage=clock.start)
+        trust = assess(log, submaps if suspects else (), joined, at, known=suspected, stage=clock.start)
         joined = with_plain_reasons(joined, trust.verdict)
         costs = [part.cost for part in trust.verdict.parts] or [cost_of(c.map, log.tables) for c in joined.components]
         clock.start("covariances")

@@ -210,7 +210,7 @@ def _fit(found: Verdict) -> dict[str, Any]:
 def _calibration(result: Result) -> dict[str, Any] | None:
     """What was wrong with the model of the data, in words and figures."""
     found = result.calibration
-    if not result.config.calibrate:
+    if found is None:
         return None
     names = found.names
     known = ("source", "model", "term", "unit", "value", "sigma", "prior")

@@ -3,7 +3,7 @@
 from teamslam.trust.assessment import Assessment, assess
 from teamslam.trust.carriers import Share
 from teamslam.trust.cause import Cause
-from teamslam.trust.fit import Verdict, explained, unknown, verdict, with_plain_reasons
+from teamslam.trust.fit import Verdict, explained, has_mistakes, unknown, verdict, with_plain_reasons
 from teamslam.trust.noise import Noise
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
 from teamslam.trust.outliers.words import sentences_on_sightings
@@ -23,6 +23,7 @@ __all__ = [
     "Verdict",
     "assess",
     "explained",
+    "has_mistakes",
     "mended",
     "sentence",
     "sentences_on_sightings",

@@ -42,13 +42,15 @@ def assess(
 ) -> Assessment:
     """How far the map of a log is to be believed; `at`: the log at each component's map.
 
-    `submaps`: what it was joined of; without any (full least squares) nobody is suspected. `known`: suspicions that the
-    log was mended by. `stage` hears what is looked at next.
+    `submaps`: what it was joined of; without any (full least squares) nobody is suspected. `known`: suspicions that
+    there were before the log was changed. `stage` hears what is looked at next.
     """
     stage("verdict on the fit")
     judged = verdict(log, joined, at)
-    stage("suspicions")
-    suspected = suspicions(log, submaps, joined) if known is None and submaps else known
+    suspected = known
+    if known is None and submaps:
+        stage("suspicions")
+        suspected = suspicions(log, submaps, joined)
     stage("weak directions")
     return Assessment(judged, suspected, tuple(map(_weak, at)))
 

@@ -99,6 +99,17 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
     return _judged(dataset, joined, parts, rows, dof)
 
 
+def has_mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> bool:
+    """Whether a log holds a mistake for which its map does not fit. Looked for only where a sensor costs more than all
+    its numbers should."""
+    costly = any(
+        table.loss.cost(np.sum(part.gap.system.whitened(place, part.values) ** 2, -1)).sum() > table.dof
+        for part in at
+        for place, table in enumerate(part.tables)
+    )
+    return costly and any(cause.is_mistake for cause in verdict(dataset, joined, at).causes)
+
+
 def explained(error: SolveError, log: Dataset) -> SolveError:
     """The error that a log cannot be solved with what it looks like, where a robot's log contradicts itself: that
     first, and no advice on how to solve it, which would not help."""

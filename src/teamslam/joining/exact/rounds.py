@@ -47,6 +47,7 @@ def exact_join(
     pieces: Sequence[Dataset],
     *,
     choices: Sequence[Sequence[Submap]] | None = None,
+    near: Joined | None = None,
     gap: float = 1e-20,
     max_rounds: int = 300,
     options: Options = DEFAULTS,
@@ -55,9 +56,9 @@ def exact_join(
     """The join of the submaps of all pieces, in rounds until it is the full least squares.
 
     `choices`: of each piece the submaps to start from, as `build_choices` gives them; by default they are built here.
-    Stops when the decrease of F still to be had is below `gap` of F, or rounding is all that is left of it. Every
-    component carries its `exactness`; one that did not get there within `max_rounds` says so in its status. Law: the
-    estimate is that of `full` on the same data. Raises as `build` and `join` do.
+    `near`: as in `join`. Stops when the decrease of F still to be had is below `gap` of F, or rounding is all that is
+    left of it. Every component carries its `exactness`; one that did not get there within `max_rounds` says so in its
+    status. Law: the estimate is that of `full` on the same data. Raises as `build` and `join` do.
     """
     if choices is None:
         choices = [build_choices(piece, options=options) for piece in pieces]
@@ -67,7 +68,7 @@ def exact_join(
 
     def solve(submaps: Sequence[Submap]) -> Joined:
         built = {submap.id: (raw_of[submap.id], submap) for submap in submaps}
-        first = join(submaps, options=rough)
+        first = join(submaps, near=near, options=rough)
         components = (
             _rounds(c, [built[name] for name in c.members], gap, max_rounds, progress) for c in first.components
         )

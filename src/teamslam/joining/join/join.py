@@ -26,7 +26,7 @@ from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.held import held
 from teamslam.joining.join.interiors import Member, members_of
 from teamslam.joining.join.optimum import Optimum
-from teamslam.joining.place.place import Cluster, place
+from teamslam.joining.place.place import Cluster, Placement, place
 from teamslam.joining.place.reasons import Held
 from teamslam.joining.start.twofold import RULED_OUT
 from teamslam.model import Dataset, Kind, LeftOut, Submap
@@ -145,32 +145,51 @@ class Joined(Answers):
 def join(
     submaps: Iterable[Submap],
     *,
+    near: Joined | None = None,
     options: Options = DEFAULTS,
     progress: Callable[[Step], None] | None = None,
 ) -> Joined:
     """The map of all submaps together, all at once.
 
     Its frame is the base pose of the lowest robot's first submap, or the world's where positions in the world were
-    measured. Laws: the result does not depend on the order of the submaps; joining one submap gives that submap back.
-    Raises ModelError for an empty set, for ids that stand twice, and where one measurement is in two submaps (see
-    `twice`).
+    measured. `near`: an earlier join of submaps with the same ids, by which their frames lie instead of being looked
+    for; where it is ambiguous, they are looked for all the same. Laws: the result does not depend on the order of the
+    submaps; joining one submap gives that submap back. Raises ModelError for an empty set, for ids that stand twice,
+    and where one measurement is in two submaps (see `twice`).
     """
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
-    return _joined(ordered, options, progress, by_halves=True)
+    return _joined(ordered, options, progress, by_halves=True, near=near)
 
 
 def _joined(
-    ordered: Sequence[Submap], options: Options, progress: Callable[[Step], None] | None, by_halves: bool
+    ordered: Sequence[Submap],
+    options: Options,
+    progress: Callable[[Step], None] | None,
+    by_halves: bool,
+    near: Joined | None = None,
 ) -> Joined:
     members = members_of(ordered)
 
     def judge(which: Sequence[int], bodies: Sequence[int], frames: Sequence[Pose]) -> Sequence[Held]:
         return held([members[n] for n in which], bodies, frames, options)
 
-    placement = place([member.joined for member in members], judge)
+    lain = _as_lain([member.joined for member in members], near) if near else None
+    placement = lain or place([member.joined for member in members], judge)
     components = [_join_cluster(members, cluster, options, progress, by_halves) for cluster in placement.clusters]
     return Joined(tuple(components), tuple(placement.reasons))
+
+
+def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:
+    """The submaps where an earlier join has them; None where it has not all of them, or in several ways."""
+    number, clusters = {submap.id: n for n, submap in enumerate(submaps)}, []
+    for component in near.components:
+        inside = sorted(number.pop(name) for name in component.members if name in number)
+        frames = _frames_in(component.map, [submaps[n] for n in inside]) if inside else []
+        if not frames or component.dearer:
+            return None
+        clusters.append(Cluster(inside, frames))
+    return None if number else Placement(clusters, [*near.reasons])
 
 
 def in_order(submaps: Iterable[Submap]) -> list[Submap]:
@@ -242,7 +261,8 @@ def _from_halves(members: Sequence[Member], options: Options, progress: Callable
 def _frames_in(whole: Submap, submaps: Sequence[Submap]) -> list[Pose]:
     """The bases of submaps in a map that was made of them, seen from the first; none where it lacks one, or where some
     are planar and some are not."""
-    bases, values = np.array([submap.base for submap in submaps]), whole.all_values
+    bases = np.array([submap.base for submap in submaps])
+    values = whole.all_values if whole.base >= 0 else whole.values
     if not values.layout.contains(bases).all():
         return []
     kinds = np.unique(values.layout.kinds[values.layout.index(bases)])

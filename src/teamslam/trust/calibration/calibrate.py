@@ -16,6 +16,8 @@ from teamslam.trust.calibration.sigmas import Sigmas, sigmas_of
 from teamslam.trust.calibration.slips import SLIPS
 from teamslam.trust.calibration.systematic import Systematic
 
+WILD = 10.0
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -60,14 +62,18 @@ class Calibration:
     moved: tuple[Values, ...] = ()
     sigmas: tuple[Sigmas, ...] = ()
 
+    def __bool__(self) -> bool:
+        """Whether the data show anything wrong."""
+        return bool(self.systematic or self.scales or self.slips or self.lasting)
+
     @property
-    def nothing(self) -> bool:
-        """Whether the data show nothing wrong."""
-        return not (self.systematic or self.scales or self.slips or self.lasting)
+    def wild(self) -> bool:
+        """Whether errors are so much larger than stated that they are no noise: the log is wrong, or its map."""
+        return any(scale.scale > WILD for scale in self.scales)
 
     def put_right(self, log: Dataset, *, weigh: bool = True) -> Dataset:
         """The log with every measurement put right, weighed by what it counts; without `weigh`, as it is alone."""
-        return log if self.nothing else log.with_tables(put_right(log.tables, self.changes, weigh=weigh))
+        return log.with_tables(put_right(log.tables, self.changes, weigh=weigh)) if self else log
 
     def start_of(self, submap: Submap) -> Values:
         """Where to start from when a submap is made again of what was put right: its variables, its base among them, as
@@ -95,10 +101,12 @@ def calibrate(at: Sequence[AtMap]) -> Calibration:
     found: list[Estimate] = []
     for part in at:
         try:
-            found.append(estimate(part))
+            each = estimate(part)
         except SolveError:
             continue
-    if all(each.nothing for each in found):
+        if each is not None and not each.nothing:
+            found.append(each)
+    if not found:
         return Calibration()
     systematic = [error for each in found for error in systematic_of(each)]
     return Calibration(

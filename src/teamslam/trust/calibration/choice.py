@@ -31,6 +31,16 @@ class Choice:
     inside: IntArray
     tau: Array
 
+    @classmethod
+    def all(cls, count: int) -> "Choice":
+        """Every one, as its first guess lets it."""
+        return cls(np.arange(count), np.ones(count))
+
+    @classmethod
+    def none(cls) -> "Choice":
+        """Not one."""
+        return cls.all(0)
+
 
 def chosen(information: Array, gradient: Array, groups: IntArray, relative: BoolArray) -> Choice:
     """The kinds that the data speak of, from S (k, k), g (k,) and which kind each error is of (k,), some `relative`."""
@@ -60,12 +70,16 @@ def chosen(information: Array, gradient: Array, groups: IntArray, relative: Bool
     return Choice(inside, np.array([taus[kind] for kind in groups[inside].tolist()]))
 
 
-def posterior(information: Array, gradient: Array, choice: Choice) -> tuple[Array, Array]:
-    """The errors that are in, and their covariance."""
-    inside = choice.inside
-    precision = information[np.ix_(inside, inside)] + np.diag(1.0 / choice.tau**2)
-    covariance = np.asarray(np.linalg.inv(precision), float) if len(inside) else precision
-    return covariance @ gradient[inside], covariance
+def posterior(information: Array, gradient: Array, tau: Array) -> tuple[Array, Array]:
+    """The errors that are in, and their covariance, by S, g and the deviations tau of their priors."""
+    precision = information + np.diag(1.0 / tau**2)
+    covariance = np.asarray(np.linalg.inv(precision), float) if len(tau) else precision
+    return covariance @ gradient, covariance
+
+
+def differences(count: int) -> Array:
+    """An orthonormal basis (count, count - 1) of what adds up to zero."""
+    return np.linalg.qr(np.eye(count) - 1.0 / count)[0][:, : count - 1]
 
 
 def _beside(information: Array, gradient: Array, groups: IntArray, taus: dict[int, float]) -> tuple[Array, Array]:
@@ -86,7 +100,7 @@ def _offer(
     mine = np.flatnonzero(groups == kind)
     own, left = information[np.ix_(mine, mine)], gradient[mine]
     if relative[mine[0]]:
-        differ = _differences(len(mine))
+        differ = differences(len(mine))
         own, left = differ.T @ own @ differ, differ.T @ left
     sizes, axes = np.linalg.eigh(0.5 * (own + own.T))
     sizes, along = np.maximum(sizes, 0.0), (axes.T @ left) ** 2
@@ -102,11 +116,12 @@ def _refitted(
     """All tau of greatest marginal likelihood, from where they are, by MacKay's rule: tau^2 = |p|^2 / gamma, with
     gamma = sum (1 - sigma^2 / tau^2) how many of the p the data tell."""
     inside = np.flatnonzero(np.isin(groups, list(taus)))
+    information, gradient = information[np.ix_(inside, inside)], gradient[inside]
     members = {kind: np.flatnonzero(groups[inside] == kind) for kind in taus}
-    axes = {k: _differences(len(at)) if relative[inside[at[0]]] else np.eye(len(at)) for k, at in members.items()}
+    axes = {k: differences(len(at)) if relative[inside[at[0]]] else np.eye(len(at)) for k, at in members.items()}
     for _ in range(ROUNDS):
         tau = np.array([taus[k] for k in groups[inside].tolist()])
-        values, covariance = posterior(information, gradient, Choice(inside, tau))
+        values, covariance = posterior(information, gradient, tau)
         before = dict(taus)
         for kind, at in members.items():
             p, spread = axes[kind].T @ values[at], axes[kind].T @ covariance[np.ix_(at, at)] @ axes[kind]
@@ -115,8 +130,3 @@ def _refitted(
         if all(abs(np.log(taus[kind] / before[kind])) < SETTLED for kind in taus):
             break
     return taus
-
-
-def _differences(count: int) -> Array:
-    """An orthonormal basis (count, count - 1) of what adds up to zero."""
-    return np.linalg.qr(np.eye(count) - 1.0 / count)[0][:, : count - 1]

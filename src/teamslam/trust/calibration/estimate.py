@@ -1,7 +1,7 @@
 """What is wrong with the model of the data, estimated from the data: see docs/calibration.md.
 
-At a map all rows are linearised once (`rows`). What is wrong with their noise is looked for in a few sweeps (`search`);
-the last fit, by that noise, tells the systematic errors.
+At a map all rows are linearised once (`rows`). Where something looks wrong at all (`screen`), what is wrong with their
+noise is looked for in a few sweeps (`search`); the last fit, by that noise, tells the systematic errors.
 """
 
 from collections.abc import Sequence
@@ -13,10 +13,13 @@ from teamslam.errors import SolveError
 from teamslam.geometry import Array
 from teamslam.joining import AtMap
 from teamslam.trust.calibration.changed import Change
+from teamslam.trust.calibration.drawn import white_noise
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.posterior import Fit
-from teamslam.trust.calibration.rows import Linear, linear_at
+from teamslam.trust.calibration.rows import Linear, lasting_of, linear_at
+from teamslam.trust.calibration.screen import suspicious
 from teamslam.trust.calibration.search import Kinds, Search
+from teamslam.trust.calibration.slips import Slips
 from teamslam.trust.calibration.systematic import Systematic
 
 FEWEST = 10  # numbers to spare, from which something may be told
@@ -44,13 +47,18 @@ class Estimate:
         return not (scaled or lasting or self.theta.any() or len(self.fit.choice.inside))
 
 
-def estimate(at: AtMap) -> Estimate:
-    """What is wrong with the model of the rows at a map. Raises SolveError where they do not determine it, or nothing
-    is measured that the map does not take up."""
+def estimate(at: AtMap) -> Estimate | None:
+    """What is wrong with the model of the rows at a map; None where nothing looks like it. Raises SolveError where they
+    do not determine it, or nothing is measured that the map does not take up."""
     linear = linear_at(at)
     if linear.spare < FEWEST:
         raise SolveError("too little is measured twice for the measurements to be told from their errors")
-    search = Search(linear)
+    stated = [Noise.stated(table) for table in linear.tables]
+    slips = [Slips.of(table, lasting_of(table, linear.names)) for table in linear.tables]
+    white = white_noise(linear)
+    if not suspicious(linear, stated, slips, white):
+        return None
+    search = Search(linear, stated, slips, white)
     fit = search.sweep()
     return Estimate(
         search.linear, tuple(search.scales), tuple(search.tempers), tuple(search.now), search.lasting, search.theta, fit

@@ -92,10 +92,9 @@ class Pairs:
     def persistence(self, sizes: Array) -> Persistence:
         """How errors hang together, from their sizes (rows, 1 + draws), first those measured: by how much more they do
         than some draws of white noise that went the same way."""
-        looked_at = np.ascontiguousarray(sizes[:, : 1 + DRAWS])
-        one, other = looked_at[self.one], looked_at[self.other]
-        drawn = np.einsum("pd,pd->p", one[:, 1:], other[:, 1:]) / DRAWS
-        total = np.bincount(self.which, one[:, 0] * other[:, 0] - drawn, 2 * BINS)
+        looked_at = np.ascontiguousarray(sizes[:, : 1 + DRAWS].T)
+        products = looked_at[:, self.one] * looked_at[:, self.other]
+        total = np.bincount(self.which, products[0] - products[1:].mean(0), 2 * BINS)
         mean = total / np.maximum(self.count, 1.0)
         same, across = slice(0, BINS), slice(BINS, 2 * BINS)
         return Persistence(*(curve_of(mean[part], self.apart[part], self.count[part]) for part in (same, across)))

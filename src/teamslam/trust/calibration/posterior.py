@@ -23,7 +23,8 @@ from teamslam.trust.calibration.rows import Column, Linear, held_at
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A linear estimator of the map and of the systematic errors of a `choice` (columns of `linear`), by `weight`,
-    w W'W of all rows. `values` of those, with their joint `covariance`, in units of their first guesses."""
+    w W'W of all rows. `values` of those, with their joint `covariance`, in units of their first guesses; `effects` on
+    all rows, and how the map has `followed` them."""
 
     linear: Linear
     weight: sp.csr_array
@@ -32,6 +33,8 @@ class Fit:
     choice: Choice
     covariance: Array
     values: Array
+    effects: sp.csr_array
+    followed: Array
 
     @classmethod
     def of(cls, linear: Linear, roots: Sequence[Array], choice: Choice | None = None) -> "Fit":
@@ -43,20 +46,32 @@ class Fit:
         system = System(values.layout, tables=tables, fixed=held_at(at), names=linear.names)
         factor = at.gap.system.factor(values)  # of one structure: analysed once
         factor.factorise(system.linearise(values).hessian.numbers)
-        weight = _diagonal([np.swapaxes(root, 1, 2) @ root for root in roots])
-        everything = Choice(np.arange(len(linear.columns)), np.ones(len(linear.columns)))
-        return cls._by(linear, weight, factor, Pulled.of(linear, weight, factor), choice or everything)
+        return cls.by(linear, roots, factor, choice or Choice.all(len(linear.columns)))
 
     @classmethod
-    def _by(cls, linear: Linear, weight: sp.csr_array, factor: Factor, pulled: "Pulled", choice: Choice) -> "Fit":
-        values, covariance = posterior(pulled.information, pulled.slope, choice)
-        return cls(linear, weight, factor, pulled, choice, covariance, values)
+    def by(cls, linear: Linear, roots: Sequence[Array], factor: Factor, choice: Choice) -> "Fit":
+        """The same by a factor of H that is at hand."""
+        weight = _diagonal([np.swapaxes(root, 1, 2) @ root for root in roots])
+        return cls._with(linear, weight, factor, Pulled.of(linear, weight, factor, choice.inside), choice)
+
+    @classmethod
+    def _with(cls, linear: Linear, weight: sp.csr_array, factor: Factor, pulled: "Pulled", choice: Choice) -> "Fit":
+        mine = np.searchsorted(pulled.which, choice.inside)
+        if len(mine) < len(pulled.which):
+            values, covariance = posterior(pulled.information[np.ix_(mine, mine)], pulled.slope[mine], choice.tau)
+            effects, followed = pulled.effects[:, mine], np.ascontiguousarray(pulled.followed[:, mine])
+        else:
+            values, covariance = posterior(pulled.information, pulled.slope, choice.tau)
+            effects, followed = pulled.effects, pulled.followed
+        return cls(linear, weight, factor, pulled, choice, covariance, values, effects, followed)
 
     def chosen(self) -> "Fit":
-        """The same with the systematic errors that the data speak of."""
+        """The same with those of its systematic errors that the data speak of."""
         linear, pulled = self.linear, self.pulled
-        choice = chosen(pulled.information, pulled.slope, linear.groups, linear.relative)
-        return self._by(linear, self.weight, self.factor, pulled, choice)
+        groups, relative = linear.groups[pulled.which], linear.relative[pulled.which]
+        choice = chosen(pulled.information, pulled.slope, groups, relative)
+        choice = Choice(pulled.which[choice.inside], choice.tau)
+        return self._with(linear, self.weight, self.factor, pulled, choice)
 
     @property
     def inside(self) -> list[Column]:
@@ -66,44 +81,45 @@ class Fit:
     def moved(self) -> Values:
         """Where the map goes when systematic errors are taken out."""
         linear = self.linear
-        right = linear.errors - linear.effects[:, self.choice.inside] @ self.values
-        step = self.factor.solve(linear.across @ (self.weight @ right))
+        step = self.factor.solve(linear.jacobian.T @ (self.weight @ (linear.errors - self.effects @ self.values)))
         return linear.at.gap.system.retract(linear.at.values, step)
 
     def left(self, errors: Array) -> Array:
         """What is left of errors (N, draws) of all rows when map and systematic errors have followed them."""
         pull = self.weight @ errors
-        gradient = self.linear.across @ pull
+        gradient = self.linear.jacobian.T @ pull
         step, rest = self.factor.solve(gradient), errors
         if len(self.values):
-            effects, followed = self.linear.effects[:, self.choice.inside], self.pulled.followed[:, self.choice.inside]
-            values = self.covariance @ (effects.T @ pull - followed.T @ gradient)
-            step = step - followed @ values
-            rest = rest - effects @ values
+            values = self.covariance @ (self.effects.T @ pull - self.followed.T @ gradient)
+            step -= self.followed @ values
+            rest = rest - self.effects @ values
         return np.asarray(rest - self.linear.jacobian @ step)
 
 
 @dataclass(frozen=True, eq=False)
 class Pulled:
-    """What the rows say of all systematic errors that there may be when the map is eliminated: their `information` S
-    and `slope` g, and how the map has `followed` each of them (unknowns, k)."""
+    """What the rows say of some systematic errors, `which` of all that there may be, when the map is eliminated: their
+    `effects`, their `information` S and `slope` g, and how the map has `followed` each of them (unknowns, k)."""
 
+    which: IntArray
+    effects: sp.csr_array
     information: Array
     slope: Array
     followed: Array
 
     @classmethod
-    def of(cls, linear: Linear, weight: sp.csr_array, factor: Factor) -> "Pulled":
+    def of(cls, linear: Linear, weight: sp.csr_array, factor: Factor, which: IntArray) -> "Pulled":
         """By the weights w W'W of all rows, and the factor of H."""
-        if not linear.columns:
-            return cls(np.zeros((0, 0)), np.zeros(0), np.zeros((linear.jacobian.shape[1], 0)))
-        weighed = weight @ linear.effects
-        cross = (linear.across @ weighed).toarray()
+        effects = linear.effects if len(which) == len(linear.columns) else sp.csr_array(linear.effects[:, which])
+        if not len(which):
+            return cls(which, effects, np.zeros((0, 0)), np.zeros(0), np.zeros((linear.jacobian.shape[1], 0)))
+        weighed = weight @ effects
+        cross = (linear.jacobian.T @ weighed).toarray()
         followed = factor.solve(cross)
-        information = (linear.effects.T @ weighed).toarray() - cross.T @ followed
+        information = (effects.T @ weighed).toarray() - cross.T @ followed
         pull = weight @ linear.errors
-        slope = linear.effects.T @ pull - followed.T @ (linear.across @ pull)
-        return cls(0.5 * (information + information.T), slope, followed)
+        slope = effects.T @ pull - followed.T @ (linear.jacobian.T @ pull)
+        return cls(which, effects, 0.5 * (information + information.T), slope, followed)
 
 
 def _diagonal(blocks: Sequence[Array]) -> sp.csr_array:

@@ -35,7 +35,7 @@ class Column:
 class Linear:
     """The rows of `tables` one after another, N numbers in all, `at` a map.
 
-    `errors` (N,) at the map, `jacobian` sparse (N, unknowns) and its transpose `across`, `effects` sparse (N, k) of the
+    `errors` (N,) at the map, `jacobian` sparse (N, unknowns), `effects` sparse (N, k) of the
     systematic errors `columns` that these tables may have, in units of their first guesses; all unwhitened.
     """
 
@@ -43,7 +43,6 @@ class Linear:
     tables: tuple[Table, ...]
     errors: Array
     jacobian: sp.csr_array
-    across: sp.csr_array
     columns: tuple[Column, ...]
     effects: sp.csr_array
 
@@ -101,7 +100,7 @@ def linear_at(at: AtMap) -> Linear:
     starts = np.cumsum([0, *map(len, errors)])
     whole = sp.csr_array(sp.vstack(jacobians))
     return Linear(
-        at, tuple(at.tables), np.concatenate(errors), whole, sp.csr_array(whole.T), tuple(columns),
+        at, tuple(at.tables), np.concatenate(errors), whole, tuple(columns),
         _effects(columns, starts),
     )  # fmt: skip
 
@@ -121,7 +120,6 @@ def _effects(columns: Sequence[Column], starts: IntArray) -> sp.csr_array:
     triple = (np.concatenate(each or nothing) for each in (data, rows, which))
     values, row, col = triple
     out = sp.csr_array((values, (row.astype(np.int64), col.astype(np.int64))), shape=(int(starts[-1]), len(columns)))
-    out.eliminate_zeros()
     return out
 
 
@@ -161,3 +159,8 @@ def lasting_of(table: Table, names: Names) -> Array:
         return np.zeros(len(table))
     stamps = names.stamps_s(table.keys)
     return np.asarray(np.abs(stamps[:, 1] - stamps[:, 0]))
+
+
+def is_sighting(table: Table) -> bool:
+    """Whether its errors may hang together: those of odometry are taken to be independent, as increments are."""
+    return table.source != "odometry" and not table.row.unary and len(table) > 1

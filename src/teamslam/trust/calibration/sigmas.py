@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray
-from teamslam.model import Kind, is_landmark, is_pose
+from teamslam.model import Layout, is_landmark, is_pose
+from teamslam.solver import Factor
 from teamslam.trust.calibration.posterior import Fit
 
 
@@ -23,11 +24,8 @@ class Sigmas:
 def sigmas_of(fit: Fit) -> list[Sigmas]:
     """Those of landmarks and of robots, where a map has any besides its base. Law: noise <= whole."""
     free = fit.linear.at.gap.free
-    size = np.where(free.kinds == Kind.POSE2, 2, np.where(free.kinds == Kind.POINT2, 2, 3))
-    stated, noise = (_squares(factor.marginals(), size) for factor in (fit.linear.at.gap.factor, fit.factor))
-    followed = fit.pulled.followed[:, fit.choice.inside]
-    each = np.sum((followed @ fit.covariance) * followed, 1) if followed.shape[1] else np.zeros(free.dof)
-    more = np.array([each[s : s + n].mean() for s, n in zip(free.dof_start[:-1].tolist(), size.tolist(), strict=True)])
+    stated, noise = (_of_places(free, _variances(factor)) for factor in (fit.linear.at.gap.factor, fit.factor))
+    more = _of_places(free, np.sum((fit.followed @ fit.covariance) * fit.followed, 1))
     kinds: dict[str, BoolArray] = {"landmarks": is_landmark(free.keys), "robots": is_pose(free.keys)}
     return [
         Sigmas(what, *(float(np.sqrt(np.median(part[mine]))) for part in (stated, noise, noise + more)))
@@ -36,6 +34,16 @@ def sigmas_of(fit: Fit) -> list[Sigmas]:
     ]
 
 
-def _squares(marginals: list[Array], size: Array) -> Array:
+def _variances(factor: Factor) -> Array:
+    """Of each unknown (dof,)."""
+    out, starts = np.zeros(factor.layout.dof), factor.layout.dof_start
+    for places, blocks in factor.marginals_by_size():
+        out[starts[places, None] + np.arange(blocks.shape[-1])] = np.diagonal(blocks, axis1=1, axis2=2)
+    return out
+
+
+def _of_places(layout: Layout, variances: Array) -> Array:
     """The mean variance of each variable's coordinates (n,)."""
-    return np.array([np.diag(block)[:n].mean() for block, n in zip(marginals, size.tolist(), strict=True)])
+    dims, axis = 2 + layout.kinds % 2, np.arange(3)
+    places = np.minimum(layout.dof_start[:-1, None] + axis, layout.dof - 1)
+    return np.asarray(np.sum(np.where(axis < dims[:, None], variances[places], 0.0), 1) / dims)

@@ -12,6 +12,7 @@ mistake that this finds: scaling what is next to nothing never mends it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class Slips:
             np.stack([_turn(table, lasting), _shift(table, lasting)]), np.asarray(back @ np.swapaxes(back, 1, 2))
         )
 
-    @property
+    @cached_property
     def beside_stated(self) -> Array:
         """sum_i tr(C_i^-1 B_ik) (slips,): how much one unit of each is beside what is stated."""
         return np.asarray(np.trace(np.linalg.solve(self.stated[None], self.units), axis1=2, axis2=3).sum(1))

@@ -54,7 +54,7 @@ def _lasting(found: Calibration) -> Iterator[str]:
 
 
 def _sigmas(found: Calibration) -> Iterator[str]:
-    for of in () if found.nothing else found.sigmas:
+    for of in found.sigmas:
         yield (
             f"places of {of.what} are known to {of.whole:.2g} m in the middle ({of.stated:.2g} m as stated): "
             f"{of.noise:.2g} m by the noise put right, the rest from systematic errors that stay uncertain"

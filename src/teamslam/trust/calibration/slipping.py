@@ -1,0 +1,61 @@
+"""How much odometry slips: the restricted score of each slip's theta, and a step of theta towards its likeliest.
+
+    Q_k  =  sum_i l_i' B_ik l_i ,   l = C^-1 left         held against what errors drawn from the model make of it
+
+What scales alone explain is left out: errors count by how they are spread over the rows, as each part of each draw is
+of the same size in all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from teamslam.geometry import Array
+from teamslam.trust.calibration.noise import Noise
+from teamslam.trust.calibration.sizes import LEAST
+from teamslam.trust.calibration.slips import SLIPS, Slips
+
+ROUNDING = 1e-6
+MOST = 4.0  # times as large or as small, in one step
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """`squares` Q (slips, 1 + draws) of `rows` rows of odometry, and how much one unit of each slip is beside what is
+    `stated` (slips,)."""
+
+    squares: Array
+    stated: Array
+    rows: int
+
+    @classmethod
+    def of(cls, slips: Sequence[Slips | None], now: Sequence[Noise], both: Sequence[Array]) -> "Scores":
+        """Those of what is left (m, rows, 1 + draws) of errors measured and drawn, table by table."""
+        score, stated, rows = np.zeros((len(SLIPS), both[0].shape[-1])), np.zeros(len(SLIPS)), 0
+        for noise, slip, errors in zip(now, slips, both, strict=True):
+            if slip is not None:
+                squares = np.mean(noise.sizes(errors) ** 2, 0)
+                if squares[:, 1:].mean(-1).min() * len(errors) < LEAST:
+                    continue
+                even = errors * np.sqrt(squares.mean(-1, keepdims=True) / np.maximum(squares, 1e-300))
+                pull = np.swapaxes(noise.whitening, 1, 2) @ (noise.whitening @ even)
+                score += np.sum(pull * (slip.units @ pull), (1, 2))
+                stated += slip.beside_stated
+                rows += len(errors)
+        return cls(score, stated, rows)
+
+    def step(self, theta: Array, chance: float) -> Array:
+        """Theta (slips,) one step on, by (Q - mean) / variance of the draws: half of Fisher's scoring, as scales move
+        as well; by at most MOST times. A slip that is not in comes in, all the way, where its score stands out by more
+        than `chance` deviations of the draws."""
+        if not self.rows:
+            return theta
+        drawn = self.squares[:, 1:]
+        expected, spread = drawn.mean(1), drawn.std(1, ddof=1)
+        beyond = self.squares[:, 0] - expected
+        pace = beyond / np.maximum(spread**2, 1e-300)
+        begun = np.minimum(2.0 * pace, self.rows / np.maximum(self.stated, 1e-300))
+        enters = beyond > ROUNDING * expected + chance * spread
+        moved = np.clip(theta + pace, theta / MOST, theta * MOST)
+        return np.where(theta > 0.0, moved, np.where(enters, begun, 0.0))
