@@ -18,6 +18,7 @@ from teamslam.robot.peer import EVERYONE
 
 BEAT_S = 0.02  # between two looks at the link
 STATUS_S = 0.5  # between two reports
+HEARD_AT_ONCE = 4  # packets: no flood of them makes a row wait for long
 
 
 @dataclass
@@ -58,7 +59,7 @@ class Driver:
     def beat(self) -> None:
         """Hear, write down, say."""
         self._keep()
-        self.member.talk(monotonic(), self._keep)
+        self.member.talk(monotonic(), self._keep, HEARD_AT_ONCE)
         if monotonic() - self.reported_s >= STATUS_S or self.leave():
             self.reported_s = monotonic()
             self.report(self)

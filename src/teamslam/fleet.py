@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from teamslam.live import Mapper, replayed
 from teamslam.model import Dataset, Submap, Table
 from teamslam.robot import Estimate, Options, Robot
-from teamslam.robot.link import Link
+from teamslam.robot.link import HEARD, Link
 from teamslam.robot.link.memory import Air, Weather, always
 from teamslam.robot.peer import Habits, Peer
 
@@ -46,9 +46,9 @@ class Member:
         self.robot = self.robot.finish()
         self.peer = self.peer.with_submaps(self.mapper.finish(self.robot))
 
-    def talk(self, now_s: float, between: Callable[[], None] = lambda: None) -> None:
-        """Hear and say what there is; `between` the two something may be done."""
-        self.peer, out = self.peer.step(now_s, self.link.receive())
+    def talk(self, now_s: float, between: Callable[[], None] = lambda: None, most: int = HEARD) -> None:
+        """Hear (at most so many packets) and say what there is; `between` the two something may be done."""
+        self.peer, out = self.peer.step(now_s, self.link.receive(most))
         between()
         for packet in out:
             self.link.send(packet.to, packet.data)

@@ -188,3 +188,14 @@ def test_lines_that_cannot_be_are_named() -> None:
     with pytest.raises(InputError):
         Habits(patience_s=0.0)
     assert EVERYONE == 0
+
+
+@given(st.sets(st.integers(0, 5)), st.sets(st.integers(0, 5)))
+def test_a_list_holds_all_that_is_lacked_and_little_of_what_both_hold(mine: set[int], theirs: set[int]) -> None:
+    bodies = [m for messages in MESSAGES.values() for (m, *_) in messages]
+    a, b = (Peer(n).with_bodies(bodies[k] for k in held) for n, held in ((1, mine), (2, theirs)))
+    told = b.beside(a.shelves)
+    lacked = {e.digest for e in b.listing.entries} - {e.digest for e in a.listing.entries}
+    assert lacked <= {e.digest for e in told.entries} <= {e.digest for e in b.listing.entries}
+    assert mine != theirs or not told.entries
+    assert b.beside(()) == b.listing

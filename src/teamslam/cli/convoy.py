@@ -40,7 +40,7 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
     (out / "submaps").mkdir(parents=True, exist_ok=True)
-    robot, told = address.robot, 0
+    robot = address.robot
     with (
         Journal(out / "journal.db", head_of(dataset, robot)) as journal,
         PoseFile(out / "poses.csv", dataset.names, dataset.robots[robot]) as poses,
@@ -50,12 +50,12 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
         link = ZenohLink(address)
 
         def report(driver: Driver) -> None:
-            nonlocal told
-            for now in driver.member.told[told:]:
+            for now in driver.member.told:
                 poses.add(now)
-            told = len(driver.member.told)
+            driver.member.told.clear()  # they are in the file
             with whole_file(out / "status.json") as file:
-                file.write(json.dumps(driver.status(dataset.names) | {"dropped": link.dropped}, indent=1).encode())
+                said = driver.status(dataset.names) | {"dropped": link.dropped, "shut_out": link.shut_out}
+                file.write(json.dumps(said, indent=1).encode())
 
         peer = Peer(robot)
         if address.certificates is not None:

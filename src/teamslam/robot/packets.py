@@ -1,8 +1,8 @@
 """What robots say to each other, as bytes: small packets about what is held, and bodies.
 
     have    what I hold, as one digest: said now and then, to all
-    ask     tell me all that you hold: to who holds something else
-    list    an entry for each thing held
+    ask     tell me what you hold: to who holds something else; with a digest of each shelf of what is held here
+    list    an entry for each thing held, on the shelves that differ
     want    send me the bodies with these digests
     body    a submap's message or a removal, as it was heard, with the signature of its robot
 
@@ -11,6 +11,7 @@ a robot's, are out up to a version. Packets that make no sense raise InputError.
 """
 
 import hashlib
+from functools import lru_cache
 from typing import Annotated
 
 import msgspec
@@ -18,9 +19,13 @@ import msgspec
 from teamslam.errors import InputError
 
 DIGEST = 16  # bytes of blake2b
+SHELVES, SHORT = 64, 8  # on which things stand by their ids, and the bytes of a shelf's digest
+MANY = 1 << 16  # things in one packet at most
 EVER = (1 << 63) - 1  # a version that nothing comes after
 
 Digest = Annotated[bytes, msgspec.Meta(min_length=DIGEST, max_length=DIGEST)]
+Short = Annotated[bytes, msgspec.Meta(max_length=SHORT)]
+Name = Annotated[str, msgspec.Meta(max_length=300)]
 Count = Annotated[int, msgspec.Meta(ge=0, le=EVER)]
 Signature = Annotated[bytes, msgspec.Meta(max_length=128)]
 
@@ -29,7 +34,7 @@ class Entry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
     """One thing held, a body of `size` bytes: a submap (`rows` numbers measured), or that an id was removed up to a
     version (`gone`), or all submaps of a robot (`robot`)."""
 
-    id: str
+    id: Name
     version: Count
     digest: Digest
     size: Count = 0
@@ -45,19 +50,21 @@ class Have(msgspec.Struct, frozen=True, tag="have", array_like=True, forbid_unkn
 
 
 class Ask(msgspec.Struct, frozen=True, tag="ask", array_like=True, forbid_unknown_fields=True):
-    """Asks for the list."""
+    """Asks for the list: of the shelves on which the other does not find the same; of all where there are none."""
+
+    shelves: Annotated[tuple[Short, ...], msgspec.Meta(max_length=SHELVES)] = ()
 
 
 class List(msgspec.Struct, frozen=True, tag="list", array_like=True, forbid_unknown_fields=True):
-    """All that a robot holds."""
+    """What a robot holds: all, or what is on some shelves."""
 
-    entries: tuple[Entry, ...]
+    entries: Annotated[tuple[Entry, ...], msgspec.Meta(max_length=MANY)]
 
 
 class Want(msgspec.Struct, frozen=True, tag="want", array_like=True, forbid_unknown_fields=True):
     """Asks for bodies, the most wanted first."""
 
-    digests: tuple[Digest, ...]
+    digests: Annotated[tuple[Digest, ...], msgspec.Meta(max_length=MANY)]
 
 
 class Body(msgspec.Struct, frozen=True, tag="body", array_like=True, forbid_unknown_fields=True):
@@ -109,6 +116,21 @@ def removal_from(data: bytes) -> Removal:
 def digest_of(data: bytes) -> bytes:
     """What names a body."""
     return hashlib.blake2b(data, digest_size=DIGEST).digest()
+
+
+@lru_cache(maxsize=1 << 16)
+def shelf_of(id: str) -> int:
+    """Where a thing stands."""
+    return hashlib.blake2b(id.encode(), digest_size=1).digest()[0] % SHELVES
+
+
+def shelves_of(held: List) -> tuple[bytes, ...]:
+    """What names each shelf of what a robot holds; nothing for one that is empty."""
+    standing: dict[int, list[Entry]] = {}
+    for entry in held.entries:
+        standing.setdefault(shelf_of(entry.id), []).append(entry)
+    named = {shelf: digest_of(_ENCODER.encode(entries))[:SHORT] for shelf, entries in standing.items()}
+    return tuple(named.get(shelf, b"") for shelf in range(SHELVES))
 
 
 def root_of(held: List) -> bytes:

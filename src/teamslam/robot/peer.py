@@ -33,6 +33,8 @@ from teamslam.robot.packets import (
     digest_of,
     from_bytes,
     root_of,
+    shelf_of,
+    shelves_of,
     to_bytes,
 )
 from teamslam.robot.seal import Seal
@@ -40,6 +42,9 @@ from teamslam.team import SubmapSet
 from teamslam.wire import send
 
 EVERYONE = 0  # in place of a robot's number: all that can be reached
+NEVER = (-1e300, 0)
+DOUBLINGS = 2  # of the time that an answer is waited for
+REASONS, OTHERWISE = 100, "for other reasons"  # why packets were refused: so many are told apart
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,8 @@ class Content:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """What a robot knows of its line to another: when it last asked for the list, what the other said that it holds,
-    the bodies that the other waits for, when the next may go, and how many packets of the other were `refused`."""
+    """What a robot knows of its line to another: when it last asked for the list, what the other holds that was lacked
+    then, the bodies that the other waits for, when the next may go, and how many of its packets were `refused`."""
 
     asked_s: float = -1e300
     lists: tuple[Entry, ...] = ()
@@ -113,8 +118,8 @@ class Peer:
     """A robot among others. `seal`: how it signs, and knows what others signed; None: nobody signs.
 
     `held`: what it knows of the team; `bodies` by digest; `lines` to others by their number; `wanted`: when each body
-    was last asked for; `announced_s`: when it last told what it holds; `refused`: packets that made no sense, by
-    reason.
+    was last asked for, and how often; `announced_s`: when it last told what it holds; `refused`: packets that made no
+    sense, by reason.
     """
 
     number: int
@@ -123,7 +128,7 @@ class Peer:
     held: SubmapSet = field(default_factory=SubmapSet)
     bodies: Mapping[bytes, Content] = field(default_factory=lambda: MappingProxyType({}))
     lines: Mapping[int, Line] = field(default_factory=lambda: MappingProxyType({}))
-    wanted: Mapping[bytes, float] = field(default_factory=lambda: MappingProxyType({}))
+    wanted: Mapping[bytes, tuple[float, int]] = field(default_factory=lambda: MappingProxyType({}))
     announced_s: float = -1e300
     refused: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -139,6 +144,19 @@ class Peer:
     def root(self) -> bytes:
         """What names all that it holds."""
         return root_of(self.listing)
+
+    @cached_property
+    def shelves(self) -> tuple[bytes, ...]:
+        """What names each part of what it holds."""
+        return shelves_of(self.listing)
+
+    def beside(self, shelves: Sequence[bytes]) -> List:
+        """What it holds on the shelves that are not the same elsewhere. So what words cost is what is new, not what
+        both hold already."""
+        if len(shelves) != len(self.shelves):
+            return self.listing
+        differ = {n for n, (mine, theirs) in enumerate(zip(self.shelves, shelves, strict=True)) if mine != theirs}
+        return List(tuple(e for e in self.listing.entries if shelf_of(e.id) in differ))
 
     @cached_property
     def missing(self) -> tuple[Entry, ...]:
@@ -243,11 +261,12 @@ class Peer:
             case Have(root):
                 if root == self.root or now_s - line.asked_s < self.habits.patience_s:
                     return self._on(sender, line), []
-                return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask())]
-            case Ask():
-                return self._on(sender, line), [(sender, self.listing)]
+                return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask(self.shelves))]
+            case Ask(shelves):
+                return self._on(sender, line), [(sender, self.beside(shelves))]
             case List(entries):
-                return self._on(sender, replace(line, lists=entries, asked_s=-1e300)), []
+                lacked = tuple(e for e in entries if e.digest not in self.bodies and self._news(e))
+                return self._on(sender, replace(line, lists=lacked, asked_s=-1e300)), []
             case Want(digests):
                 more = tuple(d for d in digests if d in self.bodies and d not in line.waiting)
                 return self._on(sender, replace(line, waiting=line.waiting + more)), []
@@ -258,6 +277,7 @@ class Peer:
 
     def _refusing(self, sender: int, reason: str) -> "Peer":
         line = self.lines.get(sender, Line())
+        reason = reason if reason in self.refused or len(self.refused) < REASONS else OTHERWISE
         refused = MappingProxyType({**self.refused, reason: self.refused.get(reason, 0) + 1})
         return replace(self, refused=refused)._on(sender, replace(line, refused=line.refused + 1))
 
@@ -284,22 +304,25 @@ Said = tuple[Peer, list[tuple[int, Packet]]]
 
 
 def _asking(peer: Peer, now_s: float) -> Said:
-    """Ask for what is missing and was not asked for lately: each body of one who has it, each time of another."""
-    before = now_s - peer.habits.patience_s
-    due = [e.digest for e in peer.missing if peer.wanted.get(e.digest, -1e300) <= before]
+    """Ask for what is missing and was not asked for lately: each body of one who has it, each time of another. Each
+    time it waits twice as long for the answer, to begin with: a line may be slow, and what is slow comes no sooner if
+    it is sent again."""
+    patience_s = peer.habits.patience_s
+    asked = {e.digest: peer.wanted.get(e.digest, NEVER) for e in peer.missing}
+    due = [d for d, (when, times) in asked.items() if now_s - when >= patience_s * 2 ** min(times - 1, DOUBLINGS)]
     if not due:
         return peer, []
     holders = {
         digest: [to for to, line in sorted(peer.lines.items()) if any(e.digest == digest for e in line.lists)]
         for digest in due
     }
-    turn = round(now_s / peer.habits.patience_s)
+    turn = round(now_s / patience_s)
     wants: dict[int, list[bytes]] = {}
     for number, digest in enumerate(due):
         whom = holders[digest][(turn + number) % len(holders[digest])]
         wants.setdefault(whom, []).append(digest)
-    wanted = MappingProxyType({**peer.wanted, **dict.fromkeys(due, now_s)})
-    return replace(peer, wanted=wanted), [(to, Want(tuple(digests))) for to, digests in wants.items()]
+    wanted = asked | {digest: (now_s, asked[digest][1] + 1) for digest in due}
+    return replace(peer, wanted=MappingProxyType(wanted)), [(to, Want(tuple(digests))) for to, digests in wants.items()]
 
 
 def _sending(peer: Peer, now_s: float) -> Said:

@@ -2,6 +2,8 @@
 
 from typing import Protocol
 
+HEARD = 64  # packets at once
+
 
 class Link(Protocol):
     """One robot's end of what connects it with others. Packets may be lost, late, out of order or repeated, and never
@@ -10,5 +12,5 @@ class Link(Protocol):
     def send(self, to: int, data: bytes) -> None:
         """A packet to a robot, or to all that can be reached (0)."""
 
-    def receive(self) -> list[tuple[int, bytes]]:
-        """The packets that have come since the last call: from whom, and the bytes."""
+    def receive(self, most: int = HEARD) -> list[tuple[int, bytes]]:
+        """Packets that have come, at most so many, those of all senders in turns: from whom, and the bytes."""

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.robot.link import HEARD
+from teamslam.robot.link.inbox import Inbox
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Air:
         while self._flying and self._flying[0][0] <= now_s:
             due, _, sender, receiver, data = heapq.heappop(self._flying)
             if receiver in self._ends and self.reach(sender, receiver, due):
-                self._ends[receiver].inbox.append((sender, data))
+                self._ends[receiver].inbox.put(sender, data)
 
     def carry(self, sender: int, to: int, data: bytes) -> None:
         """Take a packet on its way, to one or (0) to all."""
@@ -100,13 +102,12 @@ class MemoryLink:
 
     air: Air
     robot: int
-    inbox: list[tuple[int, bytes]] = field(default_factory=list)
+    inbox: Inbox = field(default_factory=Inbox)
 
     def send(self, to: int, data: bytes) -> None:
         """A packet to a robot, or to all that can be reached (0)."""
         self.air.carry(self.robot, to, data)
 
-    def receive(self) -> list[tuple[int, bytes]]:
-        """The packets that have come since the last call."""
-        here, self.inbox = self.inbox, []
-        return here
+    def receive(self, most: int = HEARD) -> list[tuple[int, bytes]]:
+        """Packets that have come, at most so many, those of all senders in turns."""
+        return self.inbox.take(most)

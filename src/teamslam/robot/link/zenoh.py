@@ -17,10 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from teamslam.errors import InputError, MissingExtraError
+from teamslam.robot.link import HEARD
+from teamslam.robot.link.inbox import Inbox
 from teamslam.robot.link.keys import AUTHORITY, common_name
 
 WAITING = 1000  # packets that wait to be handed over at most; more are dropped
-LEASE_MS = 3000  # a peer that says nothing for so long is gone
+LEASE_MS = 20_000  # a peer that says nothing for so long is gone; TCP may, where a third of all packets is lost
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class ZenohLink:
         except ModuleNotFoundError:
             raise MissingExtraError("links over a network need eclipse-zenoh: pip install 'teamslam[robots]'") from None
         self.address, self.dropped = address, 0
-        self._inbox: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
+        self._inbox = Inbox()
         self._outbox: queue.Queue[tuple[int, bytes] | None] = queue.Queue(WAITING)
         try:
             self._session: Any = zenoh.open(zenoh.Config.from_json5(json.dumps(configuration(address))))
@@ -72,14 +74,14 @@ class ZenohLink:
         except queue.Full:
             self.dropped += 1
 
-    def receive(self) -> list[tuple[int, bytes]]:
-        """The packets that have come since the last call."""
-        found = []
-        while True:
-            try:
-                found.append(self._inbox.get_nowait())
-            except queue.Empty:
-                return found
+    def receive(self, most: int = HEARD) -> list[tuple[int, bytes]]:
+        """Packets that have come, at most so many, those of all senders in turns."""
+        return self._inbox.take(most)
+
+    @property
+    def shut_out(self) -> int:
+        """How many packets of others were dropped, because they sent more than is heard."""
+        return self._inbox.dropped.total()
 
     def close(self) -> None:
         """Leave; what waits to be handed over is, if that is quick."""
@@ -90,7 +92,7 @@ class ZenohLink:
     def _heard(self, sample: Any) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
         if name.isdigit() and int(name) != self.address.robot:
-            self._inbox.put((int(name), sample.payload.to_bytes()))
+            self._inbox.put(int(name), sample.payload.to_bytes())
 
     def _say(self) -> None:
         while (packet := self._outbox.get()) is not None:
