@@ -10,7 +10,7 @@ from teamslam.trust.calibration.calibrate import calibrate
 from teamslam.trust.calibration.carried import rows_inside
 from teamslam.trust.calibration.choice import chosen
 from teamslam.trust.calibration.estimate import estimate
-from teamslam.trust.calibration.persistence import DRAWS, Curve, Pairs, Persistence, tempering
+from teamslam.trust.calibration.persistence import WHITE, Curve, Pairs, Persistence, hanging, tempering
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.sigmas import sigmas_of
 from trust.calibration.faulty import offset, team
@@ -53,7 +53,7 @@ def _lasting(table: Table, curve: Curve, rng: np.random.Generator) -> Array:
 
 
 def _beside_white(errors: Array, rng: np.random.Generator) -> Array:
-    return np.concatenate([errors[:, None], rng.standard_normal((len(errors), DRAWS))], 1)
+    return np.concatenate([errors[:, None], rng.standard_normal((len(errors), WHITE))], 1)
 
 
 @pytest.mark.parametrize("curve", [Curve(0.6, 10.0, 0.0), Curve(0.0, 1.0, 0.4)])
@@ -66,6 +66,19 @@ def test_errors_that_hang_together_are_found_so(curve: Curve) -> None:
     same, across = np.mean(found, 0)
     assert np.allclose(same, curve(apart), atol=0.08)
     assert np.allclose(across, 0.0, atol=0.06)  # four targets: what stays of each hangs together by chance
+
+
+def test_noise_that_is_made_to_hang_together_does_so_as_is_held() -> None:
+    table, apart = _looks(120), np.array([1, 4, 5, 8])  # every fourth sees the same target
+    held = Persistence(same=Curve(0.5, 6.0, 0.1), across=Curve(0.2, 3.0, 0.05))
+    white = np.random.default_rng(5).standard_normal((120, 2, 4000))
+    made = hanging(white, table, Names(), (held, Persistence()))
+    assert np.array_equal(made[:, 1], white[:, 1])
+    products = [np.mean(made[40:80, 0] * made[40 + lag : 80 + lag, 0]) for lag in apart.tolist()]
+    common = held.across(apart.astype(float))
+    own = 0.3 * np.exp(-apart / 6.0) + 0.05
+    assert np.allclose(products, common + np.where(apart % 4 == 0, own, 0.0), atol=0.02)
+    assert np.mean(made[:, 0] ** 2) == pytest.approx(1.0, abs=0.02)
 
 
 def test_white_errors_are_not_said_to_hang_together() -> None:

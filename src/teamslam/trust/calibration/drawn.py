@@ -22,8 +22,9 @@ def white_noise(linear: Linear) -> Array:
 
 
 def beside_drawn(linear: Linear, now: Sequence[Noise], white: Array) -> Array:
-    """The errors measured, and others beside them that white noise makes by the noise of each table, (N, 1 + DRAWS)."""
-    drawn = [noise.errors(w).reshape(-1, DRAWS) for noise, w in zip(now, linear.by_tables(white), strict=True)]
+    """The errors measured, and others beside them that `white` noise (N, draws) makes by the noise of each table,
+    (N, 1 + draws)."""
+    drawn = [noise.errors(w).reshape(-1, white.shape[1]) for noise, w in zip(now, linear.by_tables(white), strict=True)]
     return np.concatenate([linear.errors[:, None], np.concatenate(drawn)], 1)
 
 

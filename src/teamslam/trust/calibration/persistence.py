@@ -19,7 +19,7 @@ from teamslam.model import Names, Table, chi2_quantile, is_pose, robot_of
 FALSE_ALARM = 1e-3  # that errors which do not hang together are said to
 BINS = 12
 FEWEST, MOST = 100, 200_000  # pairs to speak of a correlation, and of those near by or far that are looked at
-DRAWS = 4  # of white noise that measured errors are held against
+WHITE = 4  # draws of white noise that measured errors are held against
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Pairs:
     def persistence(self, sizes: Array) -> Persistence:
         """How errors hang together, from their sizes (rows, 1 + draws), first those measured: by how much more they do
         than some draws of white noise that went the same way."""
-        looked_at = np.ascontiguousarray(sizes[:, : 1 + DRAWS].T)
+        looked_at = np.ascontiguousarray(sizes[:, : 1 + WHITE].T)
         products = looked_at[:, self.one] * looked_at[:, self.other]
         total = np.bincount(self.which, products[0] - products[1:].mean(0), 2 * BINS)
         mean = total / np.maximum(self.count, 1.0)
@@ -129,7 +129,7 @@ def curve_of(mean: Array, apart: Array, count: Array) -> Curve:
             best, least = Curve(brief, float(lasting), steady), left
     shape = best(at)
     strength = float(count @ (shape * mean)) / max(float(np.sqrt(count @ shape**2)), 1e-300)
-    chance = chi2_quantile(1.0 - FALSE_ALARM, 3) * (1.0 + 1.0 / DRAWS)
+    chance = chi2_quantile(1.0 - FALSE_ALARM, 3) * (1.0 + 1.0 / WHITE)
     return best if strength > 0.0 and strength**2 > chance else Curve()
 
 
@@ -145,6 +145,46 @@ def tempering(tables: Sequence[Table], names: Names, held: Sequence[Persistence]
         for e in held
     ]
     return np.split(np.sqrt(np.maximum(np.stack(totals, -1), 1.0)), np.cumsum([len(t) for t in tables])[:-1])
+
+
+def hanging(white: Array, table: Table, names: Names, held: Sequence[Persistence]) -> Array:
+    """White noise (m, rows, draws) made to hang together as errors of each part are `held` to, of variance one as
+    before: what all targets of an observer have in common, what each target has beyond it, and the rest. These take
+    other draws for noise, so that they are independent of each other in each draw."""
+    out, stamps, alone = white.copy(), names.stamps_s(table.keys[:, 0]), np.zeros(len(table), np.int64)
+    _, target = np.unique(targets_of(table), return_inverse=True)
+    for part, each in enumerate(held):
+        if each.nothing:
+            continue
+        common, own = each.across, each.same
+        brief, steady = max(own.brief - common.brief, 0.0), max(own.steady - common.steady, 0.0)
+        whole = max(common.brief + common.steady + brief + steady, 1.0)  # by chance more than all there is
+        common_brief, common_steady, brief, steady = (
+            share / whole for share in (common.brief, common.steady, brief, steady)
+        )
+        out[:, part] *= np.sqrt(max(1.0 - common_brief - common_steady - brief - steady, 0.0))
+        levels = ((alone, common_brief, common.lasting_s, common_steady), (target, brief, own.lasting_s, steady))
+        for level, (group, fading, lasting_s, staying) in enumerate(levels):
+            noise = [np.roll(white[:, part], 2 * level + turn, -1) for turn in (1, 2)]
+            if fading > 0.0:
+                out[:, part] += np.sqrt(fading) * _fading(noise[0], stamps, group, lasting_s)
+            if staying > 0.0:
+                _, first = np.unique(group, return_index=True)
+                out[:, part] += np.sqrt(staying) * noise[1][first][group]
+    return out
+
+
+def _fading(white: Array, stamps: Array, groups: IntArray, lasting_s: float) -> Array:
+    """Noise (m, draws) of variance one that fades within each group: x_i = f x_(i-1) + (1 - f^2)^1/2 white_i."""
+    from scipy.linalg import solve_banded
+
+    order = np.lexsort((stamps, groups))
+    alike = np.diff(groups[order], prepend=-1) == 0
+    fade = np.where(alike, np.exp(-np.abs(np.diff(stamps[order], prepend=0.0)) / lasting_s), 0.0)
+    bands = np.stack([np.ones(len(fade)), np.append(-fade[1:], 0.0)])
+    out = np.empty_like(white)
+    out[order] = solve_banded((1, 0), bands, np.sqrt(1.0 - fade**2)[:, None] * white[order])
+    return out
 
 
 def _sums(stamps: Array, groups: IntArray, curve: Curve) -> Array:

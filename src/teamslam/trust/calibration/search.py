@@ -16,7 +16,7 @@ from teamslam.trust.calibration.choice import Choice
 from teamslam.trust.calibration.drawn import beside_drawn, by_chance
 from teamslam.trust.calibration.hidden import hidden
 from teamslam.trust.calibration.noise import Noise
-from teamslam.trust.calibration.persistence import Pairs, Persistence, tempering
+from teamslam.trust.calibration.persistence import WHITE, Pairs, Persistence, hanging, tempering
 from teamslam.trust.calibration.posterior import Fit
 from teamslam.trust.calibration.rows import Linear, is_sighting
 from teamslam.trust.calibration.sizes import Sizes
@@ -75,13 +75,14 @@ class Search:
         """Sweeps with some systematic errors let in, until scales and slips settle; then how errors last."""
         for _ in range(SWEEPS if choice else 1):
             theta, scales = self.theta, self.scales
-            both = self._left(self._fit(tempered=False, choice=choice))
-            self._resize(both)
+            fit = self._fit(tempered=False, choice=choice)
+            self._resize(self._left(fit))
             self._move()
             changes = [np.abs(np.log(new / old)).max() for new, old in zip(self.scales, scales, strict=True)]
             if max(changes) < SETTLED and not (self.theta.any() or theta.any()):
                 break
-        self._hang(both)
+        white = beside_drawn(self.linear, self.now, self.white[:, :WHITE])
+        self._hang(self.linear.by_tables(fit.left(white)))
 
     def _fit(self, *, tempered: bool = True, choice: Choice | None = None) -> Fit:
         roots = []
@@ -91,8 +92,19 @@ class Search:
         return Fit.of(self.linear, roots, choice)
 
     def _left(self, fit: Fit) -> list[Array]:
-        """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn, table by table."""
-        return self.linear.by_tables(fit.left(beside_drawn(self.linear, self.now, self.white)))
+        """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn that hang together as these
+        do, table by table."""
+        return self.linear.by_tables(fit.left(beside_drawn(self.linear, self.now, self._noise())))
+
+    def _noise(self) -> Array:
+        """Noise (N, DRAWS) of variance one that hangs together as errors do by now."""
+        parts = self.linear.by_tables(self.white)
+        for kind, members in self.kinds.items():
+            held = self.lasting.get(kind, ())
+            if any(not part.nothing for part in held):
+                for k in members:
+                    parts[k] = hanging(parts[k], self.linear.tables[k], self.linear.names, held)
+        return np.concatenate([part.reshape(-1, part.shape[-1]) for part in parts])
 
     def _resize(self, both: Sequence[Array]) -> None:
         """Scales and slips one step nearer to where draws leave as much as is left."""
