@@ -164,6 +164,14 @@ def _fixed_but_lost(saying: Saying) -> bool:
     return False
 
 
+def _lost_in_rounding(saying: Saying) -> bool:
+    """It is open or weak, or what is told to look for is there."""
+    if _not_determined(saying):
+        return True
+    keys = _keys_called(saying, saying["what"])
+    return any(at_odds(saying.oracle, [t.select((t.keys == k).any(1)) for t in saying.oracle.tables]) for k in keys)
+
+
 def at_odds(oracle: Oracle, rows: Sequence[Table]) -> bool:
     """Whether some rows of a variable contradict the truth, or its rows and those about their poses say what they say
     with sigmas so far apart that no sum of their squares holds both."""
@@ -263,6 +271,10 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     ),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other about (?P<more>[^ ]+?) more\. ", _costs),
     "not determined": (r"^(SolveError: )?(?P<what>.+) is not determined by", _not_determined),
+    "not determined, to within rounding": (
+        r"^(SolveError: )?(?P<what>.+) is not determined, to within rounding: ",
+        _lost_in_rounding,
+    ),
     "fixed, but not found": (
         r"^(SolveError: )?(?P<what>.+) is fixed by the measurements, but the search for an optimum ended",
         _fixed_but_lost,

@@ -200,6 +200,9 @@ def test_lies_about_what_is_determined_are_found() -> None:
     bearing = team("2d", robots=1, poses=6, landmarks=1, sees=1.0, model="bearing")
     once = bearing.with_tables(t if t.source == "odometry" else t.select(np.arange(1)) for t in bearing.tables)
     assert not of_sentences(Outcome(once, "join", error=lie))
+    rounding = SolveError("landmark 0 is not determined, to within rounding: the information matrix has no pivot")
+    assert of_sentences(Outcome(log, "join", error=rounding)) == {"true: not determined, to within rounding"}
+    assert not of_sentences(Outcome(once, "join", error=rounding))
 
 
 def test_a_sentence_that_nobody_can_check_is_found() -> None:

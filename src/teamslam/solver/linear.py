@@ -134,9 +134,9 @@ class Factor:
         except kernel.NotPositiveDefinite as problem:
             key = int(self.layout.keys[problem.variable])
             raise SolveError(
-                f"{self.names.describe(key)} is not determined by the measurements: the information matrix has no "
+                f"{self.names.describe(key)} is not determined, to within rounding: the information matrix has no "
                 f"positive pivot there; look for what observes it, which may be too little, or numbers that contradict "
-                f"each other (`teamslam info` looks for such)",
+                f"each other, or whose sigmas are very far apart (`teamslam info` looks for such)",
                 key=key,
             ) from None
 

@@ -64,6 +64,7 @@ STIFF = 1e-4  # of what the same step would cost were each unknown to go it alon
 POOR = 0.1  # the gain below which half of a step by secants is tried, and of that half
 HALVES = 3
 CORRECTIONS = 6  # steps that bring one back to what stiff measurements hold
+NEGLIGIBLE = 1e-3  # [sigmas]: where no step goes down and the optimum is so near, rounding is in the way
 ROUNDING = 1e-10  # of the cost: a full step that promises less, and gains nothing, is at the end of what can be seen
 
 
@@ -380,7 +381,7 @@ class _Search:
     def _stop(self) -> None:
         """No step is to be had any more: at an optimum to rounding, or short of it."""
         self.decrement = self._distance()
-        small = self.decrement**2 <= max(self._visible(), ROUNDING * self.cost)
+        small = self.decrement**2 <= max(self._visible(), ROUNDING * self.cost, NEGLIGIBLE**2)
         self.status = Status.FLAT if small else Status.STUCK
 
     def _distance(self) -> float:

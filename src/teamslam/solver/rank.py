@@ -23,8 +23,7 @@ def fixes(system: System, values: Values) -> bool:
     plain = Loss("squared", 1.0)
     tables = [replace(t, whitening=_measured(t.whitening)).with_loss(plain) for t in system.tables]
     terms = [SubmapTerm(t.base, t.values, sp.csr_array(sp.identity(t.values.layout.dof))) for t in system.submaps]
-    held = system.layout.keys[~system.free.contains(system.layout.keys)]
-    unweighed = System(system.layout, tables=tables, submaps=terms, fixed=held)
+    unweighed = system.alike(tables, terms)
     try:
         unweighed.factor(values).factorise(unweighed.linearise(values).hessian.numbers)
     except SolveError:

@@ -1,9 +1,11 @@
-"""Starts again, where one fails: a search that ends short of an optimum goes on from elsewhere.
+"""Starts again, where one fails: a search that ends short of an optimum, or in one that makes no sense, goes on from
+elsewhere.
 
     off kinks   where rows came to a kink (see `kinks`), without them for a while, and with them again
     convex      where losses forgive, from the optimum under a loss that does not
+    sharpened   where some measure far sharper than others, from optima under which they do not yet (see `sharpening`)
 
-A start is a guess. Where it leads to an optimum, that is all there is to do.
+A start is a guess. Where it leads to an optimum that makes sense, that is all there is to do.
 """
 
 import math
@@ -19,6 +21,7 @@ from teamslam.solver.kinks import at_kink
 from teamslam.solver.linear import Factor
 from teamslam.solver.optimise import DEFAULTS, Options, optimise
 from teamslam.solver.rank import fixes
+from teamslam.solver.sharpening import sharpened_start
 from teamslam.solver.solution import Solution, Step
 from teamslam.solver.system import System
 
@@ -34,14 +37,15 @@ def reach(
     progress: Callable[[Step], None] | None = None,
     factor: Factor | None = None,
 ) -> Solution:
-    """`optimise`, from `start` and, where that ends short of an optimum, from elsewhere; of what is found an optimum,
-    the lowest where there is none. Raises SolveError where nothing leads to where all variables are held: as `optimise`
-    does, and where its search has no factor at its end, which no map can be made of."""
+    """`optimise`, from `start` and, where that ends short of an optimum or in one that makes no sense, from elsewhere;
+    of what is found the lowest optimum, the lowest of all where there is none. Raises SolveError where nothing leads to
+    where all variables are held: as `optimise` does, and where its search has no factor at its end, which no map can be
+    made of."""
     found: Solution | None = None
     problem: SolveError | None = None
     try:
         found = firm(system, optimise(system, start, options, progress, factor))
-        if found.converged:
+        if _makes_sense(found):
             return found
         ended = found.values
     except Open as error:
@@ -51,13 +55,17 @@ def reach(
             another = firm(system, optimise(system, other, options, progress, factor))
         except SolveError:
             continue
-        if another.converged:
-            return another
-        found = another if found is None or another.cost < found.cost else found
+        found = another if found is None else min(found, another, key=lambda s: (not s.converged, s.cost))
+        if _makes_sense(found):
+            break
     if found is None:
         assert problem is not None
         raise _in_true_words(system, start, ended, problem)
     return found
+
+
+def _makes_sense(solution: Solution) -> bool:
+    return solution.converged and not solution.senseless
 
 
 def firm(system: System, solution: Solution) -> Solution:
@@ -86,13 +94,12 @@ def _in_true_words(system: System, start: Values, ended: Values, problem: SolveE
             f"is left that holds it; look for rows that contradict each other, or whose sigmas are very far apart",
             key=key,
         )
-    if sensor is None:
-        return problem
-    return SolveError(
-        f"{name} is not determined by the measurements: they are met best with it on top of a sensor that sees it, "
-        f"where they say nothing of where it is",
-        key=key,
+    why = (
+        "look for what observes it, which may be too little (`teamslam info` looks for such)"
+        if sensor is None
+        else "they are met best with it on top of a sensor that sees it, where they say nothing of where it is"
     )
+    return SolveError(f"{name} is not determined by the measurements: {why}", key=key)
 
 
 def _on_a_sensor(system: System, start: Values, ended: Values) -> int | None:
@@ -114,6 +121,9 @@ def _others(system: System, start: Values, ended: Values, options: Options) -> I
     convex = convex_start(system, start, options)
     if convex is not start:
         yield convex
+    sharpened = sharpened_start(system, start, options)
+    if sharpened is not None:
+        yield sharpened
 
 
 def _off_kinks(system: System, start: Values, ended: Values, options: Options) -> Values | None:

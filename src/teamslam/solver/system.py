@@ -244,8 +244,12 @@ class System:
         tables = [
             t if t.loss.name in ("squared", "huber") else t.with_loss(Loss("huber", t.loss.scale)) for t in self.tables
         ]
+        return self.alike(tables, self.submaps)
+
+    def alike(self, tables: Sequence[Table], submaps: Iterable[SubmapTerm]) -> "System":
+        """The problem of other measurements of the same variables, of which the same are held."""
         held = self.layout.keys[~self.free.contains(self.layout.keys)]
-        return System(self.layout, tables=tables, submaps=self.submaps, fixed=held, names=self.names, homes=self._homes)
+        return System(self.layout, tables=tables, submaps=submaps, fixed=held, names=self.names, homes=self._homes)
 
     # --- inside -------------------------------------------------------------------------------------------------
 
