@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stress.claims import at_odds, is_true, turns_in_the_world, weak
+from stress.claims import WEAK_PLACE, at_odds, is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.oracle import Oracle, TooLarge, spoken_of
@@ -62,6 +62,9 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
         findings.check("left out: a landmark that no mapped pose saw", mapped.isdisjoint(seers), lost)
     elif "solving for it together with the map fails" in lost.reason:
         findings.check("left out: a landmark with which no solve ends", at_odds(oracle, rows), lost)
+    elif "on which side of the sensor nearest" in lost.reason:
+        near = any(_nearer_than_known(oracle, seer, key) for seer in seers)
+        findings.check("left out: a landmark nearer to a sensor than it is known", near, f"{lost.what}: {lost.reason}")
     elif "free to turn in the world" in lost.reason:
         findings.check("left out: a landmark of a world that maps are free to turn in", _free(outcome, oracle), lost)
     elif not seers:  # surveyed alone
@@ -85,6 +88,14 @@ def weak_alone(oracle: Oracle, key: int) -> bool:
     relation: Array = np.zeros((len(unknowns), oracle.truth.layout.dof))
     relation[np.arange(len(unknowns)), unknowns] = 1.0
     return oracle.freedom(relation) > 0
+
+
+def _nearer_than_known(oracle: Oracle, seer: int, key: int) -> bool:
+    """Whether how well a landmark is known from a pose is a good share of how far it truly is from there."""
+    ends = oracle.truth.positions(np.array([seer, key]), 3)
+    relation = oracle.between(seer, key)
+    away = float(np.linalg.norm(ends[1] - ends[0]))
+    return bool(oracle.freedom(relation) or (oracle.sigmas(relation) > WEAK_PLACE * away).any())
 
 
 def _in_line(oracle: Oracle, seers: list[int], rows: list[Table]) -> bool:

@@ -64,7 +64,7 @@ def _roots(terms: Sequence[SubmapTerm]) -> list[Array] | None:
 
 def _sharpness(whitening: Array) -> Array:
     """All singular values."""
-    return np.linalg.svd(whitening, compute_uv=False).ravel()
+    return np.asarray(np.linalg.svd(whitening, compute_uv=False)).ravel()
 
 
 def _blunted(system: System, roots: Sequence[Array], cap: float) -> System:

@@ -21,6 +21,7 @@ from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
 from teamslam.joining.join.optimum import in_the_way, less
+from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values, is_landmark
 from teamslam.solver import Options, Solution, Step, System, reach
 from teamslam.solver.optimise import DEFAULTS
@@ -92,8 +93,10 @@ def _full(
 def _solved(
     dataset: Dataset, joined: Submap, start: Values, options: Options, progress: Callable[[Step], None] | None
 ) -> tuple[Solution, list[Table], IntArray]:
-    """The solution, the tables that it is of, and what is held. A landmark with which there is none is left out."""
-    world = True
+    """The solution, the tables that it is of, and what is held. A landmark with which there is none is left out, unless
+    there is one from the optimum of the rest."""
+    world, loose = True, NOBODY
+    without: tuple[Solution, list[Table], IntArray] | None = None  # the landmarks that were in the way
     while True:
         tables = [table for table in _within(dataset.tables, start) if world or not table.row.unary]
         if not tables:
@@ -101,12 +104,28 @@ def _solved(
         anchored, fixed, tables = _gauge(start, joined, tables)
         system = System(anchored.layout, tables=tables, fixed=fixed, names=dataset.names)
         try:
-            return reach(system, anchored, options, progress), tables, fixed
+            found = reach(system, anchored, options, progress), tables, fixed
         except SolveError as error:
+            if without is not None:
+                return without
             if len(fixed) or joined.base == WORLD or is_landmark(error.key or 0):
-                start = less(start, in_the_way(start, error, NOBODY, tables))
+                gone = in_the_way(start, error, NOBODY, tables)
+                start, loose = less(start, gone), np.append(loose, gone)
             else:
                 world = False  # free to turn in the world after all (see `anchor`)
+            continue
+        if without is not None:
+            return found if found[0].converged else without
+        if not len(loose):
+            return found
+        without, start = found, _placed_again(found[0].values, dataset.tables, loose)
+        if len(start) == len(anchored):
+            return found
+
+
+def _placed_again(values: Values, tables: Iterable[Table], loose: IntArray) -> Values:
+    """An optimum with the landmarks put back that were in the way of it, where it holds them."""
+    return triangulate(values, [t.select(np.isin(t.keys[:, -1], loose)) for t in tables if not t.row.unary])
 
 
 def _within(tables: Iterable[Table], values: Values) -> Iterable[Table]:

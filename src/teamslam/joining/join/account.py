@@ -12,9 +12,8 @@ import numpy as np
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
 from teamslam.joining.join.second_places import second_places, sentences, undecided
-from teamslam.joining.start.triangulate import triangulate
+from teamslam.joining.join.why_open import WORLD_OPEN, why_open
 from teamslam.model import (
-    WORLD,
     Dataset,
     Kind,
     Layout,
@@ -28,20 +27,12 @@ from teamslam.model import (
     robot_of,
 )
 
-WORLD_OPEN = (
-    "they leave the map free to turn in the world, so it is written in the frame of its first pose; two positions apart"
-    " (in space three not in line), or one measured pose, would hold it"
-)
 APART = "they tie together what is in different maps, or they name what is in none"
 FORGIVEN = (
     "no map holds them: their own robot measured nothing from there, and where others saw them a loss forgives; such a"
     " sighting could be wrong, and nothing else tells; a second row about that pose would, or a squared loss"
 )
 TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
-FAILS = (
-    "they fix it, but solving for it together with the map fails; look for rows that contradict each other, or whose"
-    " sigmas are very far apart"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +117,8 @@ class _Books:
             yield self._taken("piece", what, poses, mine, lost.reason)
         for key in self.missing[is_landmark(self.missing)].tolist():
             rows_of = [m & (t.keys[:, -1] == key) for t, m in zip(self.log.tables, self.open, strict=True)]
-            reason = self._why_open(key, rows_of)
+            parts = [t.select(m) for t, m in zip(self.log.tables, rows_of, strict=True) if m.any()]
+            reason = why_open(key, parts, self.maps)
             yield self._taken("landmark", self.names.describe(key), np.array([key]), rows_of, reason)
         for robot in np.unique(robot_of(self.missing[is_pose(self.missing)])).tolist():
             poses = self.missing[robot_of(self.missing) == robot]
@@ -166,35 +158,6 @@ class _Books:
         if any(m.all_values.layout.contains(table.keys[rows]).all() and table.sees_turns for m in self.maps):
             return TURNED
         return WORLD_OPEN if table.row.unary else APART
-
-    def _why_open(self, key: int, rows: Sequence[BoolArray]) -> str:
-        parts = [t.select(m) for t, m in zip(self.log.tables, rows, strict=True) if m.any()]
-        if not parts:
-            return "what was seen of it went with what is left out above"
-        counts: dict[str, int] = {}
-        seers = 0
-        for part in parts:
-            counts[part.model] = counts.get(part.model, 0) + len(part)
-            seers += int(part.row.unary) or len(np.intersect1d(part.keys[:, 0], self.known))
-        seen = " and ".join(f"{n} {_noun(model, n)}" for model, n in counts.items())
-        if not seers:
-            return f"no pose that saw it is in a map ({seen})"
-        if all(part.row.unary for part in parts) and all(m.base != WORLD for m in self.maps):
-            return f"{seen}: {WORLD_OPEN}"
-        if any(triangulate(m.all_values, parts).layout.contains(key) for m in self.maps):
-            return f"{seen}: {FAILS}"
-        cures = {
-            "bearing": "rays that are nearly parallel leave its distance open; sightings from the side would tell",
-            "range": "ranges from nearly one place or line leave its side open; ranges from elsewhere would tell",
-        }
-        why = cures[next(iter(counts))] if len(counts) == 1 and next(iter(counts)) in cures else "they leave it open"
-        return f"{seen}: {why}"
-
-
-def _noun(model: str, count: int) -> str:
-    words = {"range_bearing": "range and bearing", "relative_pose": "relative pose"}
-    plural = {"range_bearing": "ranges and bearings", "relative_pose": "relative poses"}
-    return words.get(model, model) if count == 1 else plural.get(model, model + "s")
 
 
 def _not_held(table: Table, held: Sources, waiting: Iterable[Table]) -> BoolArray:

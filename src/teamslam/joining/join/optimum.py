@@ -42,12 +42,14 @@ class Optimum:
         """The optimum from these frames of the members.
 
         A landmark that only raw rows hold, and with which there is no solution, is not among what is shared: its rows
-        wait. One that the start could not place is looked for again at the optimum.
+        wait. One that the start could not place is looked for again at the optimum, and so are those that were in the
+        way on the way there.
         """
         submaps = [member.joined for member in members]
         raw = [table for submap in submaps for table in submap.raw]
         stack = Stack.of(submaps)
         start, loose, world = triangulate(start_values(stack, frames), raw), np.zeros(0, np.int64), True
+        without: Optimum | None = None  # the landmarks that were in the way
         while True:
             usable, _ = usable_rows(raw, start.layout, world=world)
             anchored, fixed, used = anchor(start, submaps[0], usable)
@@ -57,14 +59,22 @@ class Optimum:
             try:
                 found = cls._from(members, stack, start, used, fixed, options, progress)
             except SolveError as error:
+                if without is not None:
+                    return without
                 if not world or len(fixed) or is_landmark(error.key or 0):
                     start = less(start, loose := np.append(loose, in_the_way(start, error, stack.keys, used)))
                 else:  # positions that looked apart are not: the map is free to turn in the world
                     start, world = less(triangulate(start_values(stack, frames), raw), loose), False
                 continue
+            if without is not None:
+                return found if found.shared.converged else without
             start = less(triangulate(found.shared.values, raw), loose)
             if len(start) == len(anchored):
-                return found
+                if not len(loose):
+                    return found
+                without, start = found, triangulate(found.shared.values, raw)
+                if len(start) == len(anchored):
+                    return found
 
     @classmethod
     def near(

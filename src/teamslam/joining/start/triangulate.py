@@ -159,6 +159,12 @@ class Bundle:
             cost = np.where(better, cost_tried, cost)
         return places.reshape(k, n, d), cost.reshape(k, n), information.reshape(k, n, d, d)
 
+    def costs(self, places: Array) -> Array:
+        """What the sightings of each landmark cost (k, n) at places (k, n, d)."""
+        k, n, d = places.shape
+        cost, _, _ = _linearised([each.repeated(k, n) for each in self.rays], places.reshape(k * n, d))
+        return cost.reshape(k, n)
+
     def holds(self, places: Array, information: Array) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance."""
         n = len(self.keys)

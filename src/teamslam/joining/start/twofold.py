@@ -18,6 +18,8 @@ SETTLED = 1e-4  # of cost: a place from which refinements of a few steps lead no
 REFINEMENTS = 50  # at most: along a valley that bends two proposals of one place are long apart
 NONE = np.zeros(0, np.int64)
 NEAR = 9.0  # of cost: a place within three sigmas of another is the same
+WALL = 2.25  # of cost: what lies between two mirrored places that are six sigmas apart; losses dig lesser pits
+STEPS = 16  # from one place to another, between which that is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +71,18 @@ def _of_kind(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind)
     more = np.where(far, costs - costs[0], np.inf)
     nearest, each = np.argmin(more, 0), np.arange(len(keys))
     others, more = places[nearest, each], more[nearest, each]
+    more = np.where(_walls(bundle, places[0], others) > WALL, more, np.inf)
     in_plane = _seen_in_plane(values, marks, keys, kind) & (np.abs(more) < SAME * (1.0 + costs[0]))
     found = Twofold(keys, others, more, bundle.seen, in_plane, ~bundle.holds(places[0], information[0]))
     return found.select((more < RULED_OUT + PLAUSIBLE * bundle.seen) | found.open)
+
+
+def _walls(bundle: Bundle, here: Array, there: Array) -> Array:
+    """How much more than either of two places (n, d) the dearest between them costs (n,): little where both lie in one
+    long valley, and the landmark has one place that is known badly."""
+    shares = np.linspace(0.0, 1.0, STEPS + 1)[:, None, None]
+    costs = bundle.costs(here + shares * (there - here))
+    return np.asarray(costs.max(0) - np.maximum(costs[0], costs[-1]))
 
 
 def _seen_in_plane(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind) -> BoolArray:
