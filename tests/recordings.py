@@ -5,6 +5,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.spatial.transform import Rotation
 
 from teamslam.io.bags.roles import DEFINITIONS
 
@@ -82,6 +83,38 @@ def detections(topic, stamp_ns, tags, received_ns=None):
         return store.types["apriltag_msgs/msg/AprilTagDetectionArray"](header(stamp_ns, "camera"), found)
 
     return topic, "apriltag_msgs/msg/AprilTagDetectionArray", received_ns or stamp_ns, make
+
+
+def tag_poses(topic, stamp_ns, tags, type_):
+    """One message of tags as poses: (id, rotation, place, edge [m]), by apriltag_ros or vision_msgs."""
+
+    def make(store, header):
+        types = store.types
+
+        def pose(R, T):
+            x, y, z, w = Rotation.from_matrix(R).as_quat().tolist()
+            place = types["geometry_msgs/msg/Point"](*map(float, T))
+            turn = types["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
+            return types["geometry_msgs/msg/Pose"](place, turn)
+
+        def noisy(R, T):
+            return types["geometry_msgs/msg/PoseWithCovariance"](pose(R, T), np.zeros(36))
+
+        found = []
+        for number, R, T, edge in tags:
+            if type_.startswith("apriltag_ros"):
+                stamped = types["geometry_msgs/msg/PoseWithCovarianceStamped"](header(stamp_ns, "camera"), noisy(R, T))
+                ids = np.atleast_1d(np.array(number, np.int32))
+                found.append(types["apriltag_ros/msg/AprilTagDetection"](ids, np.full(len(ids), float(edge)), stamped))
+                continue
+            guess = types["vision_msgs/msg/ObjectHypothesis"](f"tag36h11:{number}", 1.0)
+            result = types["vision_msgs/msg/ObjectHypothesisWithPose"](guess, noisy(R, T))
+            size = types["geometry_msgs/msg/Vector3"](float(edge), float(edge), 0.0)
+            box = types["vision_msgs/msg/BoundingBox3D"](pose(R, T), size)
+            found.append(types["vision_msgs/msg/Detection3D"](header(stamp_ns, "camera"), [result], box, ""))
+        return types[type_](header(stamp_ns, "camera"), found)
+
+    return topic, type_, stamp_ns, make
 
 
 def transform(topic, stamp_ns, parent, child, position, type="tf2_msgs/msg/TFMessage"):

@@ -15,7 +15,7 @@ import numpy as np
 
 from teamslam.errors import InputError, MissingExtraError
 from teamslam.frontend.streams import TICKS_PER_S
-from teamslam.geometry import AnyArray
+from teamslam.geometry import AnyArray, IntArray
 from teamslam.io.bags.opened import Recording
 from teamslam.io.bags.roles import ROLES
 
@@ -59,12 +59,17 @@ def pictures_of_topic(recording: Recording, topic: str) -> Pictures:
     return Pictures(topic, digest(recording.path, topic), count, each)
 
 
-def pictures_of_folder(folder: Path, pattern: str, rate_hz: float | None) -> Pictures:
-    """The images of a folder whose names fit a pattern ('left/*.png'), in the order of their stamps. InputError where
-    there is none, or where their names say no time and no rate is given."""
+def pictures_of_folder(
+    folder: Path, pattern: str, rate_hz: float | None, stamps: tuple[tuple[str, ...], IntArray] | None = None
+) -> Pictures:
+    """The images of a folder whose names fit a pattern ('left/*.png'), in the order of their stamps: those of a list
+    (names and ticks), where one is given. InputError where there is none, where their names say no time and no rate is
+    given, or the list has none of an image."""
     files = sorted(path for path in folder.glob(pattern) if path.is_file())
     if not files:
         raise InputError(f"no file fits '{pattern}'; expected images, as in '*.png'", path=folder)
+    if stamps is not None:
+        return _listed(folder, pattern, files, stamps)
     numbers = [re.findall(r"\d+(?:\.\d+)?", path.stem) for path in files]
     for path, found in zip(files, numbers, strict=True):
         if not found:
@@ -78,13 +83,34 @@ def pictures_of_folder(folder: Path, pattern: str, rate_hz: float | None) -> Pic
                 path=path,
                 field="robot.camera.rate_hz",
             )
-    order = sorted(range(len(files)), key=lambda k: (ticks[k] or 0, files[k].name))
+    return _taken(folder, pattern, files, [tick or 0 for tick in ticks])
+
+
+def _listed(folder: Path, pattern: str, files: Sequence[Path], stamps: tuple[tuple[str, ...], IntArray]) -> Pictures:
+    """Images by a list of stamps: by their names, or, where it has none, in their order."""
+    names, ticks = stamps
+    if any(names):
+        of = {name: tick for name, tick in zip(names, ticks.tolist(), strict=True) if name}
+        for path in files:
+            if path.name not in of:
+                raise InputError("the list of stamps has none of this image", path=path, field="robot.camera.stamps")
+        return _taken(folder, pattern, files, [of[path.name] for path in files])
+    if len(ticks) != len(files):
+        raise InputError(
+            f"there are {len(files)} images, and {len(ticks)} stamps for them", path=folder, field="robot.camera.stamps"
+        )
+    return _taken(folder, pattern, files, ticks.tolist())
+
+
+def _taken(folder: Path, pattern: str, files: Sequence[Path], ticks: Sequence[int]) -> Pictures:
+    """Image files by when they were taken."""
+    order = sorted(range(len(files)), key=lambda k: (ticks[k], files[k].name))
 
     def each() -> Iterator[Picture]:
         for k in order:
-            yield Picture(ticks[k] or 0, lambda path=files[k]: _file(path))  # type: ignore[misc]
+            yield Picture(ticks[k], lambda path=files[k]: _file(path))  # type: ignore[misc]
 
-    return Pictures(pattern, digest(folder, pattern), len(files), each)
+    return Pictures(pattern, digest(folder, f"{pattern} {stamped(ticks)}"), len(files), each)
 
 
 def pictures_of_files(files: Sequence[Path]) -> Pictures:
@@ -95,6 +121,11 @@ def pictures_of_files(files: Sequence[Path]) -> Pictures:
             yield Picture(k, lambda file=file: _file(file))  # type: ignore[misc]
 
     return Pictures(files[0].name, "", len(files), each)
+
+
+def stamped(ticks: Sequence[int]) -> str:
+    """A name for when images were taken: what was found in them is kept with it."""
+    return blake2b(np.array(ticks, np.int64).tobytes(), digest_size=12).hexdigest()
 
 
 def digest(path: Path, part: str) -> str:

@@ -1,25 +1,33 @@
-"""A robot's recording, or folder of images, read: its streams, and the tags that were looked for in its images."""
+"""A robot's recording, video or folder of images, read: its streams, and the tags that were looked for in images."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from teamslam.errors import InputError
 from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.detect import Looking, of_one_family
+from teamslam.frontend.tags.implied import TagPoses, implied_corners
 from teamslam.io.bags.calibration import camera_in, read_camera
+from teamslam.io.bags.image_stamps import read_stamps
 from teamslam.io.bags.looked import Progress, refuse_other_size, tags_in
-from teamslam.io.bags.opened import is_recording, opened
+from teamslam.io.bags.opened import Recording, is_recording, opened
 from teamslam.io.bags.pictures import Pictures, pictures_of_folder, pictures_of_topic
+from teamslam.io.bags.roles import ROLES
 from teamslam.io.bags.seen import Seen, View
-from teamslam.io.bags.streams import read_corners, read_track
-from teamslam.io.bags.team_file import CameraEntry, RobotEntry
+from teamslam.io.bags.streams import read_corners, read_tag_poses, read_track
+from teamslam.io.bags.team_file import CameraEntry, RobotEntry, TeamFile
+from teamslam.io.bags.videos import is_video, pictures_of_video
 from teamslam.model import Dropped
 
+SIZE_DIFFERS = 0.01  # of a tag's edge, from where on it is told
 
-def seen_by(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> Seen:
-    """A robot's recording, or folder of images, read."""
-    path = folder / entry.recording
-    if path.is_dir() and not is_recording(path):
+
+def seen_by(entry: RobotEntry, folder: Path, team: TeamFile, progress: Progress | None) -> Seen:
+    """A robot's recording, video or folder of images, read."""
+    path, looking = folder / entry.recording, team.tags.looking()
+    if is_video(path) or (path.is_dir() and not is_recording(path)):
         return _seen_in_files(entry, folder, looking, progress)
     with opened(path) as recording:
         track = read_track(recording, entry.odometry) if entry.odometry is not None else None
@@ -32,6 +40,12 @@ def seen_by(entry: RobotEntry, folder: Path, looking: Looking, progress: Progres
                 known = read_camera(
                     folder / camera.calibration, camera.calibration_name, (camera.tags or camera.images,)
                 )
+            if camera.tags and _role(recording, camera.tags) == "tag poses":
+                implied = _implied(entry, camera, known, read_tag_poses(recording, camera.tags), team)
+                views.append(implied.view)
+                dropped += implied.dropped
+                notes.append(implied.note)
+                continue
             if camera.tags:
                 views.append(View(camera, known, read_corners(recording, camera.tags)))
                 continue
@@ -44,21 +58,26 @@ def seen_by(entry: RobotEntry, folder: Path, looking: Looking, progress: Progres
 
 
 def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> Seen:
-    """A robot whose recording is a folder of images."""
+    """A robot whose recording is a video, or a folder of images."""
     path = folder / entry.recording
+    kind = "folder of images" if path.is_dir() else "video"
     for name in ("odometry", "truth"):
         if getattr(entry, name) is not None:
-            raise InputError(f"a folder of images has no {name}", path=path, field=f"robot.{name}")
+            raise InputError(f"a {kind} has no {name}", path=path, field=f"robot.{name}")
     looks = []
     for camera in entry.camera:
         if not camera.images:
             raise InputError(
-                "a folder of images has no topics; name its images with a pattern, images = '*.png'",
+                f"a {kind} has no topics; name its images with a pattern, images = '*.png' (of a video: '*')",
                 path=path,
                 field="robot.camera.images",
             )
         known = read_camera(folder / camera.calibration, camera.calibration_name)
-        pictures = pictures_of_folder(path, camera.images, camera.rate_hz)
+        stamps = read_stamps(folder / camera.stamps) if camera.stamps else None
+        if is_video(path):
+            pictures = pictures_of_video(path, camera.rate_hz, None if stamps is None else stamps[1])
+        else:
+            pictures = pictures_of_folder(path, camera.images, camera.rate_hz, stamps)
         looks.append(_look(entry, camera, known, pictures, looking, progress))
     return Seen(
         entry,
@@ -77,6 +96,26 @@ class _Look:
     view: View
     dropped: list[Dropped]
     note: str
+
+
+def _role(recording: Recording, topic: str) -> str:
+    types, _ = recording.topics.get(topic, (("",), 0))
+    return ROLES.get(types[0], "")
+
+
+def _implied(entry: RobotEntry, camera: CameraEntry, known: Camera, seen: TagPoses, team: TeamFile) -> "_Look":
+    """Poses of tags as the corners that they imply."""
+    carried, who = team.carried(), f"robot {entry.name}, camera {camera.name}"
+    sizes = np.array([carried[n].size_m if n in carried else team.size_of(n) for n in seen.ids.tolist()])
+    corners, unseen = implied_corners(seen, known, sizes)
+    count = int(unseen.sum())
+    dropped = [Dropped(count, f"{who}: poses of tags that this camera cannot have seen")] if count else []
+    told = np.isfinite(seen.sizes_m) & (np.abs(seen.sizes_m / sizes - 1.0) > SIZE_DIFFERS)
+    note = f"{who}: {len(corners)} sightings of tags came as poses; they count as the corners that these imply"
+    for number in np.unique(seen.ids[told]).tolist():
+        row = int(np.flatnonzero(told & (seen.ids == number))[0])
+        note += f"; the detector took tag {number} for {seen.sizes_m[row]:g} m, and the team file says {sizes[row]:g} m"
+    return _Look(View(camera, known, corners), dropped, note)
 
 
 def _look(

@@ -4,6 +4,7 @@ Messages that say nothing usable (numbers that are not finite, a quaternion of l
 are counted as dropped by the recording.
 """
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.frontend.streams import TagCorners, Track
+from teamslam.frontend.tags.implied import TagPoses
 from teamslam.geometry import Array, Pose
 from teamslam.io.bags.opened import Message, Recording
 from teamslam.io.bags.roles import ROLES
@@ -20,6 +22,7 @@ HALF_PIXEL = {"apriltag_msgs/msg/AprilTagDetectionArray", "isaac_ros_apriltag_in
 
 FARTHEST_M = 1e8  # from an origin: what is farther (or no number) is damage, not a place
 FARTHEST_PIXEL = 1e6
+FARTHEST_TAG_M = 1e3
 
 
 def read_track(recording: Recording, topic: str) -> Track:
@@ -95,6 +98,47 @@ def read_corners(recording: Recording, topic: str) -> TagCorners:
         np.array(hamming, np.int64),
         tuple(families),
     )
+
+
+def read_tag_poses(recording: Recording, topic: str) -> TagPoses:
+    """The poses of tags that a detector found. Bundles of several tags, and what has no number, are counted as dropped.
+    InputError where the topic holds something else."""
+    frames: list[int] = []
+    frame, ids, numbers, sizes = [], [], [], []
+    for message, found in _decoded(recording, topic, ("tag poses",)):
+        for tag in found.detections:
+            number, seven, size = _posed(tag)
+            if number is None:
+                recording.lose(1, f"of {topic}: a bundle of several tags, or one without a number")
+            elif not _is_pose(seven) or not 1e-3 < np.linalg.norm(seven[:3]) < FARTHEST_TAG_M:
+                recording.lose(1, f"of {topic}: a tag whose pose is none that a camera can see")
+            else:
+                frame.append(len(frames))
+                ids.append(number)
+                numbers.append(seven)
+                sizes.append(size if 0.0 < size < FARTHEST_TAG_M else np.nan)
+        frames.append(message.tick)
+    return TagPoses(
+        np.array(frames, np.int64),
+        np.array(frame, np.int64),
+        np.array(ids, np.int64),
+        _poses(numbers),
+        np.array(sizes, float),
+    )
+
+
+def _posed(tag: Any) -> tuple[int | None, list[float], float]:
+    """Number, pose and edge of a tag, by apriltag_ros or as a detection of vision_msgs, whose class or name is the
+    number, alone or at the end ('tag36h11:7')."""
+    if hasattr(tag, "results"):
+        names = [str(tag.id), *(str(result.hypothesis.class_id) for result in tag.results[:1])]
+        digits = next((m[0] for m in (re.search(r"\d+$", name) for name in names) if m), None)
+        pose = tag.results[0].pose.pose if len(tag.results) else tag.bbox.center
+        number, size = None if digits is None or len(digits) > 9 else int(digits), float(tag.bbox.size.x)
+    else:
+        pose = tag.pose.pose.pose
+        number, size = (int(tag.id[0]), float(tag.size[0])) if len(tag.id) == len(tag.size) == 1 else (None, 0.0)
+    return number, _seven(pose.position, pose.orientation), size
 
 
 def _decoded(recording: Recording, topic: str, roles: tuple[str, ...]) -> Iterator[tuple[Message, Any]]:

@@ -55,7 +55,7 @@ def read(path: Path, options: Mapping[str, object] | None = None, progress: Prog
     file and field of what cannot be read."""
     options_of(Options, options, reader="recordings")
     team = read_team_file(path)
-    seen = [seen_by(robot, path.parent, team.tags.looking(), progress) for robot in team.robot]
+    seen = [seen_by(robot, path.parent, team, progress) for robot in team.robot]
     book = Book()
     for robot in seen:
         book.dropped += robot.dropped

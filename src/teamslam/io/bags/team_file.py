@@ -71,15 +71,17 @@ class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, 
 
 class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
-    robot's recording is a folder of images, `images` is a pattern of their names, and `rate_hz` says how many there are
-    a second where these are no stamps. `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s`
-    is how long before its stamp the middle line of an image was taken; `line_s` is how much later than the line above
-    each line is read, 0 where all are exposed at once (below zero: from below)."""
+    robot's recording is a video or a folder of images, `images` is a pattern of their names (of a video anything), and
+    `rate_hz` says how many there are a second where these are no stamps, or `stamps` names a list of them
+    (`io.bags.image_stamps`). `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s` is how
+    long before its stamp the middle line of an image was taken; `line_s` is how much later than the line above each
+    line is read, 0 where all are exposed at once (below zero: from below)."""
 
     name: str
     tags: str = ""
     images: str = ""
     rate_hz: float | None = None
+    stamps: str = ""
     calibration: str
     calibration_name: str | None = None
     floor_px: float = 0.5

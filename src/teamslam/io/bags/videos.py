@@ -15,7 +15,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.geometry import AnyArray, IntArray
-from teamslam.io.bags.pictures import Picture, Pictures, digest, opencv
+from teamslam.io.bags.pictures import Picture, Pictures, digest, opencv, stamped
 from teamslam.io.files.whole import beside
 
 SUFFIXES = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".mpg", ".mpeg", ".mjpeg", ".ts", ".wmv")
@@ -51,7 +51,7 @@ def pictures_of_video(
                     if good:
                         yield Picture(tick, lambda image=image: _in_grey(image))  # type: ignore[misc]
 
-    return Pictures(path.name, digest(path, f"{every} {ticks[:1].tolist()}"), -(-len(ticks) // every), each)
+    return Pictures(path.name, digest(path, f"{every} {stamped(ticks.tolist())}"), -(-len(ticks) // every), each)
 
 
 def write_video(path: Path, images: Iterable[AnyArray], rate_hz: float) -> None:
