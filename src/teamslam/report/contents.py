@@ -6,7 +6,7 @@ Places are in space, those of a plane at height 0; stamps are [s] since the star
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,14 @@ class Way:
 @dataclass(frozen=True, eq=False)
 class Marks:
     """The landmarks of one map: `places` (m, 3), `covariances` (m, 3, 3), `truth` (m, 3) and `second` (m, 3), another
-    place that fits nearly as well, each nan where there is none."""
+    place that fits nearly as well, each nan where there is none; `doubted` (m,): some name of it may lie."""
 
     names: Sequence[str]
     places: Array
     covariances: Array
     truth: Array
     second: Array
+    doubted: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class Table:
 class Page:
     """All of a page. `verdict` is the level (fits, loose, strained, misfit, unknown), `sentence` what it says;
     `summary` names and values, a name is empty where it goes on; `thinned` says what is drawn in part, `alerts` why the
-    map is not whole."""
+    map is not whole, or not to be believed; `rejected` are sightings that look wrong."""
 
     title: str
     verdict: str
@@ -104,3 +105,4 @@ class Page:
     config: str
     thinned: Sequence[str] = field(default=())
     alerts: Sequence[str] = field(default=())
+    rejected: Sequence[Rows] = field(default=())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.geometry import Array
-from teamslam.report.contents import Page, Part, Way
+from teamslam.report.contents import Page, Part, Rows, Way
 
 ESCAPES = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 
@@ -20,13 +20,15 @@ def script_json(page: Page) -> str:
         "colours": list(page.colours),
         "counts": page.counts,
         "parts": [_part(part) for part in page.parts],
-        "rows": [
-            {"part": rows.part, "robot": rows.robot, "source": rows.source, "t": floats(rows.stamps),
-             "size": floats(rows.size), "to": packed(rows.target, "<i4")}
-            for rows in page.rows
-        ],
-    }  # fmt: skip
+        "rows": [_rows(rows) for rows in page.rows],
+        "rejected": [_rows(rows) for rows in page.rejected],
+    }
     return json.dumps(table, allow_nan=False, separators=(",", ":")).translate(ESCAPES)
+
+
+def _rows(rows: Rows) -> dict[str, Any]:
+    return {"part": rows.part, "robot": rows.robot, "source": rows.source, "t": floats(rows.stamps),
+            "size": floats(rows.size), "to": packed(rows.target, "<i4")}  # fmt: skip
 
 
 def _part(part: Part) -> dict[str, Any]:
@@ -48,6 +50,7 @@ def _part(part: Part) -> dict[str, Any]:
             "c": floats(_upper(marks.covariances)),
             "truth": floats(marks.truth - origin),
             "second": floats(marks.second - origin),
+            "doubted": packed(marks.doubted, "<i1"),
         },
         "seen": {"who": packed(seen.robots, "<i4"), "t": floats(seen.stamps)},
     }

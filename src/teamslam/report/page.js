@@ -19,13 +19,14 @@
     }
     const m = part.marks;
     for (const k of ["p", "c", "truth", "second"]) m[k] = f32(m[k]);
+    m.doubted = i8(m.doubted);
     part.seen.who = i32(part.seen.who); part.seen.t = f32(part.seen.t);
     part.wayOf = new Map(part.ways.map((w) => [w.robot, w]));
-    part.rows = [];
+    part.rows = []; part.rejected = [];
   }
-  for (const rows of data.rows) {
+  for (const kind of ["rows", "rejected"]) for (const rows of data[kind]) {
     rows.t = f32(rows.t); rows.size = f32(rows.size); rows.to = i32(rows.to);
-    if (data.parts[rows.part]) data.parts[rows.part].rows.push(rows);
+    if (data.parts[rows.part]) data.parts[rows.part][kind].push(rows);
   }
   const ways = data.parts.flatMap((part) => part.ways);
   const begin = Math.min(...ways.map((w) => w.t[0])), end = Math.max(...ways.map((w) => w.t[w.t.length - 1]));
@@ -34,6 +35,8 @@
     truth: ways.some((w) => w.truth) || data.parts.some((p) => p.marks.truth.some(Number.isFinite)),
     marks: data.parts.some((p) => p.marks.names.length),
     rows: data.rows.some((r) => r.to.some((t) => t >= 0)),
+    rejected: data.rejected.length > 0,
+    doubted: data.parts.some((p) => p.marks.doubted.some((d) => d)),
     seen: data.parts.some((p) => p.seen.t.length),
     second: data.parts.some((p) => p.marks.second.some(Number.isFinite)),
     regions: data.parts.some((p) => p.marks.c.some((x) => x > 0) || p.ways.some((w) => w.c.some((x) => x > 0))),
@@ -45,7 +48,8 @@
     ["ways", "robots", true, true], ["marks", "landmarks", has.marks, true], ["names", "names", true, true],
     ["regions", "95 % regions", has.regions, true], ["rows", "sightings", has.rows, true],
     ["seen", "robots seen", has.seen, true], ["truth", "truth", has.truth, true],
-    ["second", "second places", has.second, true],
+    ["second", "second places", has.second, true], ["rejected", "wrong sightings", has.rejected, true],
+    ["doubted", "names in doubt", has.doubted, true],
   ];
   for (const [key, word, there, on] of layers) {
     state.on[key] = there && on;
@@ -106,7 +110,7 @@
 
   // --- colours ------------------------------------------------------------------------------------------------------
   let css = {};
-  const colours = () => { const s = getComputedStyle(document.documentElement); for (const n of ["page", "ink", "quiet", "line", "mark", "truth", "grid"]) css[n] = s.getPropertyValue("--" + n).trim(); };
+  const colours = () => { const s = getComputedStyle(document.documentElement); for (const n of ["page", "ink", "quiet", "line", "mark", "truth", "grid", "bad"]) css[n] = s.getPropertyValue("--" + n).trim(); };
   const robotColour = (r) => data.colours[r % data.colours.length];
   const heat = (x) => { // blue, through grey-violet, to red: x from 0 to 1
     const c = Math.max(0, Math.min(1, x));
@@ -188,8 +192,8 @@
     this.draw = () => {
       if (!w) return;
       g.fillStyle = css.page; g.fillRect(0, 0, w, h); g.lineJoin = g.lineCap = "round";
-      grid(); if (state.on.rows) rows(); if (state.on.seen) seen(); if (state.on.truth) truth(); if (state.on.ways) paths();
-      if (state.on.regions) regions(); if (state.on.second) second(); if (state.on.marks) marks(); if (state.on.marks && state.on.truth) trueMarks(); if (state.on.ways) robots();
+      grid(); if (state.on.rows) rows(); if (state.on.rejected) rejected(); if (state.on.seen) seen(); if (state.on.truth) truth(); if (state.on.ways) paths();
+      if (state.on.regions) regions(); if (state.on.second) second(); if (state.on.marks) marks(); if (state.on.doubted) doubted(); if (state.on.marks && state.on.truth) trueMarks(); if (state.on.ways) robots();
       if (state.on.names) names(); scaleBar();
     };
     const grid = () => {
@@ -214,6 +218,20 @@
       }
       g.globalAlpha = 1;
     };
+    const rejected = () => { // to where the landmark or the robot is that they name
+      g.strokeStyle = css.bad; g.lineWidth = 1.1; g.setLineDash([2, 3]);
+      for (const r of part.rejected) {
+        const way = part.wayOf.get(r.robot); if (!way) continue;
+        const [a, b] = within(r.t), step = Math.max(1, Math.ceil((b - a) / 3000));
+        for (let i = a; i < b; i += step) {
+          const other = r.to[i] < 0 ? part.wayOf.get(-1 - r.to[i]) : null; if (r.to[i] < 0 && !other) continue;
+          const [x, y] = at(way, r.t[i]), [u, v] = other ? at(other, r.t[i]) : [X(part.marks.p, r.to[i]), Y(part.marks.p, r.to[i])];
+          g.beginPath(); g.moveTo(x, y); g.lineTo(u, v); g.stroke();
+        }
+      }
+      g.setLineDash([]);
+    };
+    const doubted = () => { const m = part.marks; g.strokeStyle = css.bad; g.lineWidth = 2; for (let i = 0; i < m.names.length; i++) if (m.doubted[i]) { g.beginPath(); g.arc(X(m.p, i), Y(m.p, i), 10, 0, 2 * Math.PI); g.stroke(); } };
     const seen = () => {
       const s = part.seen; g.strokeStyle = css.ink; g.lineWidth = 0.9; g.setLineDash([5, 3]); g.globalAlpha = 0.6;
       const last = s.t.length / 2; let a = 0, b = 0; // rising in the later stamp of the two
@@ -331,7 +349,7 @@
       if (state.on.marks) for (let i = 0; i < m.names.length; i++) near(X(m.p, i), Y(m.p, i), () => {
         const off = Number.isFinite(m.truth[3 * i]) ? "; " + Math.hypot(...[0, 1, 2].map((k) => m.p[3 * i + k] - m.truth[3 * i + k]).filter(Number.isFinite)).toFixed(3) + " m from its truth" : "";
         const n = part.rows.reduce((s, r) => s + r.to.reduce((k, t) => k + (t === i), 0), 0);
-        return "landmark " + m.names[i] + " at " + where(m.p, i) + ", sigma " + sd(m.c, i) + " m" + off + (n ? "; seen " + n + " times in what is drawn" : "");
+        return "landmark " + m.names[i] + " at " + where(m.p, i) + ", sigma " + sd(m.c, i) + " m" + off + (n ? "; seen " + n + " times in what is drawn" : "") + (m.doubted[i] ? "; some name of it is not to be believed" : "");
       });
       if (state.on.ways) for (const way of part.ways) { if (state.time < way.t[0]) continue; const [u, v] = at(way, state.time), i = segment(way, state.time)[0]; near(u, v, () => "robot " + data.robots[way.robot] + " at " + where(way.p, i) + (way.truth && Number.isFinite(way.truth[3 * i]) ? ", " + Math.hypot(...[0, 1, 2].map((k) => way.p[3 * i + k] - way.truth[3 * i + k])).toFixed(3) + " m from its truth" : "")); }
       if (!found && cam.pitch === 90) { const a = (x - w / 2) / cam.scale, b = (h / 2 - y) / cam.scale; found = [0, 1].map((k) => ["x ", "y "][k] + (cam.c[k] + a * cam.r[k] + b * cam.u[k] + part.origin[k]).toFixed(2)).join(", ") + " m"; }

@@ -17,6 +17,7 @@ from teamslam.report import Marks, Page, Part, Sightings, Way, html_of, within
 from teamslam.results.figures import headline, scene_of
 from teamslam.results.page_rows import rows_of
 from teamslam.results.page_tables import tables_of
+from teamslam.results.page_trust import doubted_marks, doubts_in, rejected_rows
 from teamslam.results.record import Record
 from teamslam.results.words import counted, outcome
 from teamslam.viz import Scene, frame_name
@@ -55,6 +56,7 @@ def page_of(record: Record, config: Config) -> Page:
         counts=seen.names.counts,
         parts=[seen.part(number) for number in range(min(len(record.maps), MOST_PARTS))],
         rows=[each for each in rows if each.part < MOST_PARTS],
+        rejected=[each for each in rejected_rows(record, seen.robots, seen.start_s) if each.part < MOST_PARTS],
         tables=list(tables_of(record, [scene.truth for scene in seen.scenes], seen.start_s)),
         config=config_text(config),
         thinned=[*seen.thinned(), *thinned_rows],
@@ -72,6 +74,10 @@ def _alerts(report: Mapping[str, Any]) -> Iterator[str]:
     if lost:
         more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
         yield f"Left out: {lost[0]['what']}{more}; the reasons stand below."
+    doubts = doubts_in(report)
+    if doubts:
+        more = f" And {len(doubts) - 1} more; they stand below." if len(doubts) > 1 else ""
+        yield f"Not to be believed: {doubts[0]}.{more}"
     if report.get("refused"):
         yield f"{counted(len(report['refused']), 'submap')} refused; the reasons stand below."
 
@@ -150,7 +156,7 @@ class _Seen:
             magnification=scene.magnification(3 if scene.is_spatial else 2),
             quantile=float(chi2_quantile(CONFIDENCE, 3 if scene.is_spatial else 2)),
             ways=[self._way(scene, number, robot) for robot in scene.robots],
-            marks=_marks(scene),
+            marks=_marks(scene, doubted_marks(self.record)),
             sightings=self._sightings(scene),
         )
 
@@ -187,10 +193,12 @@ class _Seen:
         return np.asarray(names.stamps_s(keys), float) - self.start_s
 
 
-def _marks(scene: Scene) -> Marks:
+def _marks(scene: Scene, doubted: Sequence[str]) -> Marks:
     submap, keys = scene.map, scene.map.landmark_keys
+    names = [submap.names.landmark(int(key)) for key in keys]
     return Marks(
-        names=[submap.names.landmark(int(key)) for key in keys],
+        names=names,
+        doubted=np.isin(np.array(names, object), doubted) if len(names) else np.zeros(0, bool),
         places=submap.all_values.positions(keys, 3),
         covariances=scene.regions(keys, 3)[1],
         truth=_truth(scene, keys),

@@ -10,6 +10,7 @@ from teamslam.answers.residuals import LANDMARK, Residuals
 from teamslam.geometry import Array
 from teamslam.model import Values, index_of, robot_of
 from teamslam.report import Table
+from teamslam.results.page_trust import trust_tables
 from teamslam.results.record import Record
 from teamslam.viz import shape_of
 
@@ -24,6 +25,7 @@ Report = Mapping[str, Any]
 def tables_of(record: Record, truths: Sequence[Values | None], start_s: float) -> Iterator[Table]:
     """The tables of a page, in its order, where there is something to say. `truths` are in the frames of the maps."""
     found = [
+        *trust_tables(record.report),
         _robots(record, truths, start_s),
         _links(record),
         _sensors(record),

@@ -50,7 +50,10 @@ Its fields:
     weak                           of each component what it does not know: `open`, what hangs loose; the weakest
                                    `directions`, each with its standard deviation `sigma` in a `unit` (rad of a turn, m
                                    of a shift); `place_m` and `heading_rad`, how well all else is known; each in a
-                                   `sentence`; null where the measurements do not determine the map
+                                   `sentence`; where something is open or weak, the `sightings` that would firm it up
+                                   most, each with its `gain` in nats of all that is unknown, how many ways it `ties`
+                                   that hang loose, and the sigmas of the directions `before` and `after` it; null
+                                   where the measurements do not determine the map
     remarks                        what is in a map though something is to be known of it, in words
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
@@ -76,12 +79,13 @@ from typing import Any
 
 from teamslam.joining import Component, Cost
 from teamslam.metrics import Report
-from teamslam.model import Dataset, LeftOut, index_of, is_landmark
+from teamslam.model import Dataset, LeftOut, index_of, is_landmark, robot_of
 from teamslam.pipeline import Result
 from teamslam.results.suspects import rejected_of, suspicions_of
 from teamslam.trust import Verdict, sentence
 from teamslam.trust.calibration import sentences
 from teamslam.trust.weak import Weak
+from teamslam.trust.weak.sightings import Sighting
 
 UNDETERMINED = "unknown: the measurements themselves do not determine every variable where the join ended"
 ALONE = "One submap, nothing to join."
@@ -118,7 +122,10 @@ def report_of(result: Result) -> dict[str, Any]:
         "suspicions": None
         if result.suspicions is None
         else suspicions_of(result.suspicions, mended=result.config.trust.repair),
-        "weak": [None if weak is None else _weak(weak) for weak in result.trust.weak],
+        "weak": [
+            None if weak is None else _weak(weak, looks)
+            for weak, looks in zip(result.trust.weak, result.trust.sightings, strict=True)
+        ],
         "remarks": list(result.joined.remarks),
         "ambiguities": [sentence for c in components for sentence in c.ambiguities],
         **_errors(result.scores),
@@ -176,13 +183,26 @@ def _part(component: Component, cost: Cost | None, score: Report | None, bare: b
     }
 
 
-def _weak(weak: Weak) -> dict[str, Any]:
-    """What a map does not know, and what it knows least."""
+def _weak(weak: Weak, looks: Sequence[Sighting]) -> dict[str, Any]:
+    """What a map does not know, what it knows least, and which sightings would firm it up."""
     return {
         "open": [{"ways": f.ways, "sentence": said} for f, said in zip(weak.open, weak.open_sentences, strict=True)],
         "directions": [{"sigma": d.sigma, "unit": d.unit, "sentence": d.sentence} for d in weak.directions],
         "place_m": weak.least.place_m,
         "heading_rad": weak.least.heading_rad,
+        "sightings": [
+            {
+                "robot": weak.known.names.robot(int(robot_of(look.observer))),
+                "target": weak.known.names.describe(look.target),
+                "distance_m": look.distance,
+                "gain": look.gain,
+                "ties": look.ties,
+                "before": look.before.tolist(),
+                "after": look.after.tolist(),
+                "sentence": look.sentence,
+            }
+            for look in looks
+        ],
         "sentence": weak.rest,
     }
 

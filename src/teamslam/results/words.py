@@ -72,7 +72,12 @@ def _weak(components: list[Report | None]) -> Rows:
     """What a map does not know, the weakest first, and how well all else is known."""
     known = [weak for weak in components if weak is not None]
     told = [part["sentence"] for weak in known for part in (*weak["open"], *weak["directions"])]
-    return [*(("weak", sentence) for sentence in told), *(("known", weak["sentence"]) for weak in known)]
+    looks = [look["sentence"] for weak in known for look in weak.get("sightings", ())]
+    return [
+        *(("weak", sentence) for sentence in told),
+        *(("known", weak["sentence"]) for weak in known),
+        *(("" if number else "look next", sentence) for number, sentence in enumerate(looks)),
+    ]
 
 
 def _fit(fit: Report) -> Rows:

@@ -2,30 +2,44 @@
 
     verdict      how well the map fits the log, and what a misfit looks like
     suspicions   names of landmarks that lie, robots that contradict the others
-    weak         of each component what it does not know, and what it knows least
+    weak         of each component what it does not know, and what it knows least; where that is something, which
+                 sightings would firm it up, once somebody asks
 
 All of it, and how exact a join is, reads the log at the map as it was linearised and factorised there once (`AtMap`).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap, Joined
-from teamslam.model import Dataset, Submap
+from teamslam.model import Dataset, Submap, Table
 from teamslam.trust.fit import Verdict, verdict
 from teamslam.trust.suspicions import Suspicions, suspicions
 from teamslam.trust.weak import Weak, knowledge_at, weakest_of
+from teamslam.trust.weak.eyes import eyes_of
+from teamslam.trust.weak.sightings import Sighting, look_next
 
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
     """What speaks for a map and against it. `suspicions` are None where nobody looked; `weak` has one for each
-    component, None where its measurements do not determine it."""
+    component, None where its measurements do not determine it; `tables` the rows that are in each."""
 
     verdict: Verdict
     suspicions: Suspicions | None
     weak: tuple[Weak | None, ...]
+    tables: tuple[Sequence[Table], ...] = field(default=(), repr=False)
+
+    @cached_property
+    def sightings(self) -> tuple[tuple[Sighting, ...], ...]:
+        """Of each component the sightings that would firm up most what is weak or open in it, the best first; none
+        where nothing is."""
+        return tuple(
+            look_next(weak, eyes_of(rows, weak.known.values)) if weak and (weak.open or weak.directions) else ()
+            for weak, rows in zip(self.weak, self.tables, strict=True)
+        )
 
     def __repr__(self) -> str:
         return f"Assessment({self.verdict!r})"
@@ -52,7 +66,7 @@ def assess(
         stage("suspicions")
         suspected = suspicions(log, submaps, joined)
     stage("weak directions")
-    return Assessment(judged, suspected, tuple(map(_weak, at)))
+    return Assessment(judged, suspected, tuple(map(_weak, at)), tuple(each.tables for each in at))
 
 
 def _weak(at: AtMap) -> Weak | None:

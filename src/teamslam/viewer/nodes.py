@@ -8,13 +8,14 @@ from teamslam.geometry import Array, IntArray, Pose
 from teamslam.io.maps.space import ball
 from teamslam.report import Page, Part, Rows, Way
 
-LANDMARK, TRUTH, SEEN = (122, 31, 92), (90, 90, 90), (150, 150, 150)
+LANDMARK, TRUTH, SEEN, WRONG = (122, 31, 92), (90, 90, 90), (150, 150, 150), (200, 30, 30)
 MOST_NAMES, MOST_LINES = 80, 4000
 THIN = 0.02  # of its longest half axis: how flat a region of the plane is drawn
 
 
 class Nodes:
-    """The nodes of one part, by kind: ways, robots, landmarks, names, regions, truth, sightings, seen, second.
+    """The nodes of one part, by kind: ways, robots, landmarks, names, regions, truth, sightings, seen, second,
+    rejected, doubted.
 
     Robots are so much `paler`, from 0 to 1, as tells one run from another. `moved` puts what moves where it is at a
     time, `shown` says which kinds and which robots are to be seen.
@@ -25,6 +26,7 @@ class Nodes:
     ) -> None:
         self.scene, self.path, self.page, self.part, self.size, self.paler = scene, path, page, part, size, paler
         self.rows = [rows for rows in page.rows if rows.part == number]
+        self.rejected = [rows for rows in page.rejected if rows.part == number]
         self.fixed: dict[tuple[str, int], Any] = {}
         self.kinds: set[str] = set()
         self.hidden: set[int] = set()
@@ -51,6 +53,8 @@ class Nodes:
             self._points("landmarks", marks.places, LANDMARK, 0.006)
         if (known := np.isfinite(marks.truth).all(-1)).any():
             self._points("truth", marks.truth[known], TRUTH, 0.004)
+        if marks.doubted.any():
+            self._points("doubted", marks.places[marks.doubted], WRONG, 0.012)
         if (two := np.isfinite(marks.second).all(-1)).any():
             self._lines("second", -1, np.stack([marks.places[two], marks.second[two]], 1), LANDMARK, 1.0)
         for place, name in list(zip(marks.places, marks.names, strict=True))[:MOST_NAMES]:
@@ -73,7 +77,9 @@ class Nodes:
             node.position, node.wxyz = _place(way, np.array([time]))[0], _turn(way, time)
         self._regions(time, times)
         for rows in self.rows:
-            self._sightings(rows, time, window)
+            self._sightings("sightings", rows, self._colour(rows.robot), time, window)
+        for rows in self.rejected:
+            self._sightings("rejected", rows, WRONG, time, window)
         self._seen(time, window)
 
     def _regions(self, time: float, times: float) -> None:
@@ -98,18 +104,18 @@ class Nodes:
             batched_opacities=np.full(len(blocks), 0.35, np.float32), **look,
         )  # fmt: skip
 
-    def _sightings(self, rows: Rows, time: float, window: float) -> None:
+    def _sightings(self, kind: str, rows: Rows, colour: tuple[int, int, int], time: float, window: float) -> None:
         first, last = np.searchsorted(rows.stamps, [time - window, time], side="right")
         way = next((way for way in self.part.ways if way.robot == rows.robot), None)
         n = np.arange(first, last)[rows.target[first:last] >= 0]
         n = n[:: max(1, -(-len(n) // MOST_LINES))]
-        on = "sightings" in self.kinds and rows.robot not in self.hidden
-        path = f"{self.path}/sightings/{rows.robot}-{rows.source}"
+        on = kind in self.kinds and rows.robot not in self.hidden
+        path = f"{self.path}/{kind}/{rows.robot}-{rows.source}"
         if way is None or not len(n) or not on:
             self._gone(path)
             return
         ends = np.stack([_place(way, rows.stamps[n]), self.part.marks.places[rows.target[n]]], 1)
-        self._moving(path, ends, self._colour(rows.robot))
+        self._moving(path, ends, colour)
 
     def _seen(self, time: float, window: float) -> None:
         seen = self.part.sightings

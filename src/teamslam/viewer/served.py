@@ -21,7 +21,10 @@ KINDS = {
     "sightings": "sightings of landmarks",
     "seen": "sightings of robots",
     "second": "second places",
+    "rejected": "wrong sightings",
+    "doubted": "names in doubt",
 }
+TOLD = ("wrong", "suspicious", "weak", "known", "look next")  # of a run's summary
 PLAYED_S = 30.0  # that playing a run takes
 
 
@@ -89,6 +92,9 @@ class Viewer:
             self.kinds = {kind: gui.add_checkbox(word, kind != "second") for kind, word in KINDS.items()}
             times = max((part.magnification for page in pages for part in page.parts), default=1)
             self.times = gui.add_slider("regions larger by", 1.0, 100.0, 1.0, float(times))
+        with gui.add_folder("Found", expand_by_default=True):
+            for run in self.runs:
+                gui.add_markdown(_found(run))
         robots = list(dict.fromkeys(robot for page in pages for robot in page.robots))
         with gui.add_folder("Robots", expand_by_default=len(robots) <= 12):
             self.robots = {robot: gui.add_checkbox(robot, True) for robot in robots}
@@ -114,6 +120,22 @@ class Viewer:
 
     def _now(self) -> tuple[float, float, float]:
         return float(self.time.value), float(self.window.value), float(self.times.value)
+
+
+def _found(run: Placed) -> str:
+    """What a run's map is worth, who is not to be believed and what is known least, in words."""
+    page = run.page
+    heading, told = "", [f"**{_plain(run.name)}**: {_plain(page.sentence)}"]
+    for name, value in page.summary:
+        heading = name or heading
+        if heading in TOLD:
+            told.append(f"- {f'*{heading}* ' if name else ''}{_plain(value)}")
+    return "\n".join([told[0], "", *told[1:]])
+
+
+def _plain(words: str) -> str:
+    """Words that Markdown leaves as they are."""
+    return "".join(f"\\{letter}" if letter in "\\`*_{}[]<>#+-.!|~" else letter for letter in words)
 
 
 def _box(runs: Sequence[Placed]) -> tuple[Any, Any]:

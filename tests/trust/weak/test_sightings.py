@@ -15,7 +15,8 @@ from teamslam.sim.noise import plus
 from teamslam.solver import System
 from teamslam.trust.weak import Knowledge, knowledge_from, weakest_of
 from teamslam.trust.weak.eyes import eyes_of
-from teamslam.trust.weak.sightings import Sighting, look_next
+from teamslam.trust.weak.gains import Directions, exactly, hopes_of
+from teamslam.trust.weak.sightings import Sighting, _candidates, look_next
 from worlds import WORLDS, team
 
 worlds = st.sampled_from(WORLDS)
@@ -103,3 +104,20 @@ def test_only_what_the_sensors_can_see_is_proposed() -> None:
         eye = eyes[sighting.eye.robot, not is_landmark(sighting.target)]
         assert sighting.distance <= eye.reach * (1.0 + 1e-6)
         assert sighting.gain > 0.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("world", WORLDS)
+def test_none_brings_more_than_is_hoped_of_it(world: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that those few that are weighed are the best of all."""
+    log = tied_by_heading(two_halves(world, 1, seed=seed), 0.05)
+    weak = weakest_of(knowledge_from(log.tables, log.truth, log.names))
+    eyes, directions = eyes_of(log.tables, log.truth), Directions.of(weak)
+    for eye, table in _candidates(weak.known, eyes):
+        for hope in hopes_of(weak.known, directions, eye, table):
+            _, after = exactly(weak.known, directions, hope.A, hope.columns)
+            firms = np.log(np.sqrt(directions.variances) / after).sum(-1)
+            assert (firms <= hope.firms + 1e-9).all()
+    found = look_next(weak, eyes)
+    monkeypatch.setattr("teamslam.trust.weak.sightings.FEW", 10**9)
+    assert [look.sentence for look in found] == [look.sentence for look in look_next(weak, eyes)]

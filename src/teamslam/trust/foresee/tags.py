@@ -19,7 +19,7 @@ from teamslam.model import Dataset, Kind, Table, Values, is_landmark, is_pose, p
 from teamslam.solver import linearise_numerically
 from teamslam.trust.foresee.foresee import Foreseen
 from teamslam.trust.weak.eyes import Eye, eyes_of
-from teamslam.trust.weak.sightings import joint
+from teamslam.trust.weak.gains import joint
 from teamslam.trust.weak.words import place
 
 MOST = 3

@@ -1,31 +1,29 @@
 """Which sighting would firm up a map most: who should look at what, from where.
 
-A sighting with the whitened Jacobian A adds A'A to the information. By the lemma of Woodbury, from the factor at hand,
+    could    every sensor from its robot's poses, at all that it could see from there
+    hope     what each of these would bring at most, for all of them at once (`gains`)
+    weigh    exactly what the most hopeful bring, a few at a time, until no other can be better
 
-    gain = 1/2 log det(1 + A P A')                          [nats] of all that is unknown
-    sigma'^2 = f'P f - f'P A' (1 + A P A')^-1 A P f         of a weak direction f
-
-for every candidate at once, from the covariance of the poses and landmarks that take part. What hangs loose altogether
-(N) is tied by as many ways as A N has rank, and that comes first.
+What hangs loose altogether is to be tied first, by as many ways as there are; then the weak directions count.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Names, Table, index_of, is_landmark, is_pose, robot_of
-from teamslam.solver import linearise_numerically
 from teamslam.trust.weak.eyes import Eye
+from teamslam.trust.weak.gains import Directions, Hopes, exactly, hopes_of
 from teamslam.trust.weak.knowledge import Knowledge
 from teamslam.trust.weak.weakest import Weak
 from teamslam.trust.weak.words import place
 
 MOST = 5
 VIEWPOINTS = 60  # poses of a robot that are tried, evenly along its way, its last one among them
-CHUNK = 64  # columns of the covariance at a time
-TIES = 1e-6
+FEW = 16  # sightings that are weighed at a time
+SLACK = 1e-6  # of what is promised, by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +62,38 @@ def look_next(weak: Weak, eyes: Sequence[Eye], most: int = MOST) -> tuple[Sighti
     were there at the same time or stand at their ends, as far and as wide as it has seen. Of each robot and what it
     looks at, the best viewpoint is told. Where nothing is weak, the gain decides.
     """
+    known, directions = weak.known, Directions.of(weak)
+    hopes = [hope for eye, table in _candidates(known, eyes) for hope in hopes_of(known, directions, eye, table)]
+    waiting = _the_most_hopeful_first(hopes)
+    few = FEW if weak.directions else len(waiting)  # where the gain decides, nothing is promised of it
     found: dict[tuple[int, int], Sighting] = {}
-    for eye, table in _candidates(weak.known, eyes):
-        for sighting in _weighed(weak, eye, table):
-            about = (int(robot_of(sighting.observer)), _thing(sighting.target))
+    while len(waiting):
+        first, waiting = waiting[:few], waiting[few:]
+        for sighting in _weighed(weak, directions, hopes, first):
+            about = _about(sighting.observer, sighting.target)
             if about not in found or _rank(sighting) < _rank(found[about]):
                 found[about] = sighting
+        best = sorted(map(_rank, found.values()))[:most]
+        if len(best) == most:
+            waiting = _that_may_be_better(waiting, best[-1])
     return tuple(sorted(filter(_helps, found.values()), key=_rank)[:most])
+
+
+def _the_most_hopeful_first(hopes: Sequence[Hopes]) -> Array:
+    """What could be made: (m, 4) of the rank that each may have at best (two numbers, as in `_rank`), which of the
+    hopes, and which row of it."""
+    rows = [
+        np.stack([-hope.ties, -hope.firms, np.full(len(hope.rows), n), np.arange(len(hope.rows))], 1)
+        for n, hope in enumerate(hopes)
+    ]
+    every = np.concatenate([np.zeros((0, 4)), *rows])
+    return np.asarray(every[np.lexsort((every[:, 1], every[:, 0]))])
+
+
+def _that_may_be_better(waiting: Array, worst: tuple[float, ...]) -> Array:
+    """What may yet rank before the worst that would be told."""
+    ties, firms = waiting[:, 0], waiting[:, 1] - SLACK
+    return np.asarray(waiting[(ties < worst[0]) | ((ties == worst[0]) & (firms <= worst[1]))])
 
 
 def _helps(sighting: Sighting) -> bool:
@@ -80,6 +103,10 @@ def _helps(sighting: Sighting) -> bool:
 
 def _rank(sighting: Sighting) -> tuple[float, ...]:
     return (-sighting.ties, -round(sighting.firms, 9), -round(sighting.gain, 9), sighting.observer, sighting.target)
+
+
+def _about(observer: int, target: int) -> tuple[int, int]:
+    return int(robot_of(observer)), _thing(target)
 
 
 def _thing(key: int) -> int:
@@ -132,50 +159,21 @@ def _evenly(count: int) -> IntArray:
 # --- what it would bring ----------------------------------------------------------------------------------------------
 
 
-def _weighed(weak: Weak, eye: Eye, table: Table) -> list[Sighting]:
-    known = weak.known
-    layout = known.values.layout
-    ends = np.unique(table.keys)
-    unknowns = layout.unknowns(ends)
-    place_of = np.full(layout.dof, -1)
-    place_of[unknowns] = np.arange(len(unknowns))
-    covariance = joint(known, unknowns)
-    functions = [direction.hinge.function for direction in weak.directions]
-    F = np.stack(functions, 1) if functions else np.zeros((layout.dof, 0))
-    spread = known.spread(F)
-    before = np.sqrt(np.sum(F * spread, 0))
-    out = []
-    for group in linearise_numerically(table, known.values):
-        columns = np.stack([layout.unknowns(table.keys[row]) for row in group.rows])
-        A, at = group.jacobian, place_of[columns]
-        S = np.eye(A.shape[1]) + A @ covariance[at[:, :, None], at[:, None, :]] @ np.swapaxes(A, 1, 2)
-        b = A @ spread[columns]
-        gone = np.sum(b * np.linalg.solve(S, b), 1)
-        after = np.sqrt(np.maximum(before**2 - gone, 0.0))
-        gain = 0.5 * np.linalg.slogdet(S)[1]
-        loose = A @ known.unknown[columns] * (1.0 / max(1.0, float(np.abs(A).max(initial=0.0))))
-        ties = np.linalg.matrix_rank(loose, tol=TIES) if loose.shape[-1] else np.zeros(len(A), int)
-        for k, row in enumerate(group.rows.tolist()):
-            one = table.select(np.array([row]))
+def _weighed(weak: Weak, directions: Directions, hopes: Sequence[Hopes], some: Array) -> Iterator[Sighting]:
+    """What some of the hopes bring, exactly."""
+    before, known = np.sqrt(directions.variances), weak.known
+    which, rows = some[:, 2].astype(int), some[:, 3].astype(int)
+    for number in np.unique(which).tolist():
+        hope, mine = hopes[number], rows[which == number]
+        gains, left = exactly(known, directions, hope.A[mine], hope.columns[mine])
+        for row, gain, after in zip(mine.tolist(), gains.tolist(), left, strict=True):
+            one = hope.table.select(hope.rows[row : row + 1])
             observer, target = (int(key) for key in one.keys[0])
-            dim = known.motions.dim
-            apart = known.values.positions(np.array([observer, target]), dim)
-            distance = float(np.linalg.norm(apart[1] - apart[0]))
-            told = _sentence(weak, observer, target, distance, int(ties[k]), float(gain[k]), before, after[k])
-            made = Eye(one, eye.sees_robots, eye.reach, eye.cosine)
-            out.append(Sighting(observer, target, made, distance, float(gain[k]), int(ties[k]), before, after[k], told))
-    return out
-
-
-def joint(known: Knowledge, unknowns: IntArray) -> Array:
-    """The covariance of some unknowns (c, c), by and by."""
-    out = np.empty((len(unknowns), len(unknowns)))
-    for start in range(0, len(unknowns), CHUNK):
-        chosen = unknowns[start : start + CHUNK]
-        unit = np.zeros((known.values.layout.dof, len(chosen)))
-        unit[chosen, np.arange(len(chosen))] = 1.0
-        out[:, start : start + CHUNK] = known.spread(unit)[unknowns]
-    return out
+            apart = known.values.positions(np.array([observer, target]), known.motions.dim)
+            distance, ties = float(np.linalg.norm(apart[1] - apart[0])), int(hope.ties[row])
+            told = _sentence(weak, observer, target, distance, ties, gain, before, after)
+            made = Eye(one, hope.eye.sees_robots, hope.eye.reach, hope.eye.cosine)
+            yield Sighting(observer, target, made, distance, gain, ties, before, after, told)
 
 
 def _sentence(
