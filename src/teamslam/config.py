@@ -22,19 +22,17 @@ What a file does not mention keeps its default. A key that is not known, or a va
 that names the key and, for a misspelt one, the nearest key there is.
 """
 
-import difflib
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Any, cast, get_args, get_type_hints
+from typing import Any, cast
 
-import msgspec
 import tomli_w
 
 from teamslam.errors import InputError
-from teamslam.io.files.toml import read_toml
+from teamslam.io.files.toml import read_toml, record_from
 from teamslam.joining import ORDERS
 from teamslam.model import Loss
 from teamslam.solver import Options as SolverOptions
@@ -132,18 +130,7 @@ def read_config(path: str | Path) -> Config:
 
 def config_from(table: Mapping[str, Any], *, path: str | Path | None = None) -> Config:
     """The options in a nested table, as TOML gives it. Law: config_from(to_table(config)) == config."""
-    for name, known in unknown_keys(table, Config):
-        nearest = difflib.get_close_matches(name.rpartition(".")[2], known, n=1, cutoff=0.5)
-        cure = f"did you mean '{nearest[0]}'?" if nearest else f"known are: {', '.join(known)}"
-        raise InputError(f"unknown option; {cure}", path=path, field=name)
-    try:
-        return msgspec.convert(table, Config)
-    except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at ")
-        where = place.strip("`").removeprefix("$.") or None
-        raise InputError(problem.replace("`", "'"), path=path, field=where) from None
-    except InputError as error:
-        raise InputError(error.problem, path=path, field=error.field) from None
+    return record_from(table, Config, path=path)
 
 
 def to_table(config: Config) -> dict[str, Any]:
@@ -159,19 +146,6 @@ def write_config(config: Config, path: str | Path) -> None:
 def config_text(config: Config) -> str:
     """Every option as it was used, defaults included, in TOML."""
     return tomli_w.dumps(to_table(config))
-
-
-def unknown_keys(table: Mapping[str, Any], record: type) -> Iterator[tuple[str, list[str]]]:
-    """The keys of a nested table that a record has no field for, with the names of the fields there are."""
-    hints = get_type_hints(record)
-    known = [f.name for f in fields(record)]
-    for name, value in table.items():
-        if name not in known:
-            yield name, known
-            continue
-        inner = next((t for t in (hints[name], *get_args(hints[name])) if is_dataclass(t)), None)
-        if inner is not None and isinstance(value, Mapping):
-            yield from ((f"{name}.{deeper}", names) for deeper, names in unknown_keys(value, cast(type, inner)))
 
 
 def _plain(value: Any) -> Any:

@@ -23,19 +23,21 @@ HEARD_AT_ONCE = 4  # packets: no flood of them makes a row wait for long
 
 @dataclass
 class Driver:
-    """A member of a team with its journal; `report` is called now and then, `leave` says when it is to end."""
+    """A member of a team with its journal; `report` is called now and then, `leave` says when it is to end, `names`
+    what everybody is called by now, where rows bring new names."""
 
     member: Member
     journal: Journal
     report: Callable[["Driver"], None] = lambda driver: None
     leave: Callable[[], bool] = lambda: False
+    names: Callable[[], Names] | None = None
     parked: bool = False
     kept: set[bytes] = field(default_factory=set)
     reported_s: float = -1e300
 
     def drive(self, arrivals: Iterable[tuple[float, list[Table]]], speed: float | None) -> bool:
-        """All rows at their time (at once where `speed` is None), and on until it is to leave. False where it left
-        before its rows had ended."""
+        """All rows at their time (at once where `speed` is None; without rows it only listens), and on until it is to
+        leave. False where it left before its rows had ended."""
         began, first = monotonic(), None
         for stamp, tables in arrivals:
             first = stamp if first is None else first
@@ -46,6 +48,10 @@ class Driver:
                 self.beat()
             if self.leave():
                 return False
+            if not tables:
+                continue
+            if self.names is not None:
+                self.member.robot = self.member.robot.calling(self.names())
             self.member.drive(tables)
             self.journal.step(self.member.robot)
         self.member.park()

@@ -6,14 +6,17 @@
 What stands in brackets runs beside the steps, on an executor; where none is given, between two steps.
 """
 
+import queue
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from time import monotonic, sleep
 
-from teamslam.errors import SolveError
-from teamslam.model import Dataset, Submap, Table
+from teamslam.errors import InputError, SolveError
+from teamslam.io.plain.lines import Lines
+from teamslam.model import Dataset, Names, Submap, Table
 from teamslam.robot import Atlas, Estimate, Filter, Options, Robot, outlook
 from teamslam.robot.journal import Journal, Memory
 from teamslam.robot.rows import batches, head_of, rank_of
@@ -50,10 +53,46 @@ def paced(rows: Iterable[tuple[float, list[Table]]], speed: float | None) -> Ite
         yield tables
 
 
+def spoken(
+    lines: Lines, stream: Iterable[str | bytes], wrong: Callable[[InputError], None], quiet_s: float
+) -> Iterator[tuple[float, list[Table]]]:
+    """The rows that are told as lines, each with its stamp [s]; no rows where for `quiet_s` none came. A line that
+    makes no sense is handed to `wrong`, and the rest goes on."""
+    told: queue.SimpleQueue[str | bytes | None] = queue.SimpleQueue()
+
+    def listen() -> None:
+        for line in stream:
+            told.put(line)
+        told.put(None)
+
+    threading.Thread(target=listen, name="lines", daemon=True).start()
+    stamp_s = 0.0
+    while True:
+        try:
+            line = told.get(timeout=quiet_s)
+        except queue.Empty:
+            yield stamp_s, []
+            continue
+        if line is None:
+            return
+        if not line.strip():
+            continue
+        try:
+            table = lines.row(line)
+        except InputError as error:
+            wrong(error)
+            continue
+        stamp_s = lines.stamp_s(table)
+        yield stamp_s, [table]
+
+
 def begun(log: Dataset, number: int, options: Options | None = None, memory: Memory | None = None) -> Robot:
     """A robot of a log's channels, as its journal remembers it where there is one."""
     robot = Robot.of(log, number, options)
-    return robot if memory is None else robot.remembering(memory.tables, memory.versions)
+    if memory is None:
+        return robot
+    called = {**robot.head.names.landmarks, **memory.names}
+    return robot.calling(replace(robot.head.names, landmarks=called)).remembering(memory.tables, memory.versions)
 
 
 def drive(
@@ -62,16 +101,18 @@ def drive(
     *,
     executor: Executor | None = None,
     journal: Journal | None = None,
+    names: Callable[[], Names] | None = None,
 ) -> Iterator[Moment]:
     """A robot's moments as its rows arrive, and a last one, without a pose, when all is closed: with the reasons of all
-    pieces that gave no submap. What it takes is written into the `journal` before the moment is told.
+    pieces that gave no submap. What it takes is written into the `journal` before the moment is told. `names` says what
+    everybody is called by now, where rows bring new names.
 
     Law: the submaps of all moments, the newest version of each, are those of `teamslam.split` and `teamslam.build` for
     the rows that arrived, to the bit.
     """
     mapper = Mapper(executor)
     for tables in arrivals:
-        robot = robot.step(tables)
+        robot = (robot if names is None else robot.calling(names())).step(tables)
         if journal is not None:
             journal.step(robot)
         if robot.due:

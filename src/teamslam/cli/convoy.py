@@ -9,27 +9,32 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from teamslam.cli.driving import Source
+    from teamslam.duty import Duty
+    from teamslam.errors import InputError
     from teamslam.model import Dataset
-    from teamslam.robot import Options
     from teamslam.robot.link.zenoh import Address
     from teamslam.robot.packets import Body
 
 
-def among(dataset: "Dataset", options: "Options", address: "Address", out: Path, speed: float | None) -> int:
+def among(duty: "Duty", source: "Source", address: "Address") -> int:
     """One robot among its team until it is ended; it goes on from its journal where there is one."""
     from teamslam.cli.console import complain
     from teamslam.convoy import Driver
+    from teamslam.events import Events
     from teamslam.fleet import Member
     from teamslam.io import write_submaps
     from teamslam.io.files.whole import whole_file
     from teamslam.io.submaps.arrays import file_name, write_submap
-    from teamslam.live import begun, replayed
+    from teamslam.live import begun
     from teamslam.results.fleet import joined
     from teamslam.results.poses import PoseFile
+    from teamslam.results.words import counted
     from teamslam.robot.journal import Journal
     from teamslam.robot.link.keys import read_revocations, read_seal
     from teamslam.robot.link.zenoh import ZenohLink
@@ -39,33 +44,41 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
+    out, dataset, events, wrong = Path(str(duty.out)), source.log, Events(duty.events), 0
     (out / "submaps").mkdir(parents=True, exist_ok=True)
     robot = address.robot
     with (
         Journal(out / "journal.db", head_of(dataset, robot)) as journal,
         PoseFile(out / "poses.csv", dataset.names, dataset.robots[robot]) as poses,
+        ExitStack() as stack,  # whatever ends it, the link is closed: an open one would keep the process
     ):
         memory = journal.recall()
-        start = begun(dataset, robot, options, memory)
-        link = ZenohLink(address)
+        start = begun(dataset, robot, duty.steps, memory)
+        link = stack.enter_context(closing(ZenohLink(address)))
 
         def report(driver: Driver) -> None:
             for now in driver.member.told:
                 poses.add(now)
             driver.member.told.clear()  # they are in the file
+            said = driver.status(driver.member.robot.head.names) | {"dropped": link.dropped, "shut_out": link.shut_out}
+            events.changed(said)
             with whole_file(out / "status.json") as file:
-                said = driver.status(dataset.names) | {"dropped": link.dropped, "shut_out": link.shut_out}
                 file.write(json.dumps(said, indent=1).encode())
 
-        peer = Peer(robot)
+        def heard(error: "InputError") -> None:
+            nonlocal wrong
+            wrong += 1
+            events.tell("wrong", reason=str(error))
+
+        events.tell("begun", robot=dataset.names.robot(robot))
+        peer = Peer(robot, duty.habits)
         if address.certificates is not None:
             seal = read_seal(address.certificates, address.team, robot, address.members, dataset.names)
-            peer = Peer(robot, seal=seal).recalling(read_revocations(address.certificates))
+            peer = Peer(robot, duty.habits, seal).recalling(read_revocations(address.certificates))
         peer = peer.recalling(memory.bodies)
-        driver = Driver(Member(start, peer, link), journal, report, ended.is_set, kept=_known(memory.bodies))
-        rest = (row for row in replayed(dataset, robot) if row[0] >= start.newest * dataset.names.tick_s)
-        whole = driver.drive(rest, speed)
-        link.close()
+        member, kept = Member(start, peer, link), _known(memory.bodies)
+        driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
+        whole = driver.drive(source.rows(start, memory, heard), duty.speed)
     for submap in driver.member.mapper.atlas.submaps:
         write_submap(submap, out / "submaps" / file_name(submap))
     made = joined(driver.member.peer.held)
@@ -73,7 +86,12 @@ def among(dataset: "Dataset", options: "Options", address: "Address", out: Path,
         write_submaps([component.map for component in made.components], out / "maps")
     for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
         complain(trouble)
-    return 0 if whole and not memory.damaged and not journal.trouble else 1
+    if wrong:
+        complain(f"{counted(wrong, 'line')} made no sense and were left out")
+    code = 0 if whole and not wrong and not memory.damaged and not journal.trouble else 1
+    events.tell("ended", code=code)
+    events.close()
+    return code
 
 
 def _known(bodies: "Sequence[Body]") -> set[bytes]:

@@ -5,7 +5,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from teamslam.cli.numbers import MaybeWhole, Whole
+from teamslam.cli.numbers import Whole
+from teamslam.cli.steps import NONE, Steps
 
 if TYPE_CHECKING:
     from teamslam.model import Dataset, Submap
@@ -17,9 +18,7 @@ def team(
     /,
     *,
     out: Path,
-    poses_per_piece: MaybeWhole = 100,
-    heading_sigma: float | None = None,
-    landmarks: Whole = 64,
+    steps: Steps = NONE,
     loss: float = 0.0,
     delay: float = 0.0,
     twice: float = 0.0,
@@ -53,12 +52,6 @@ def team(
         A log: a folder or file in any format that `teamslam convert --help` lists.
     out
         The folder to write; it must not exist or be empty.
-    poses_per_piece
-        A submap closes after so many poses.
-    heading_sigma
-        A submap closes where its dead-reckoned heading is uncertain by this angle [rad].
-    landmarks
-        How many landmarks a robot carries from moment to moment at most.
     loss
         The share of packets that are lost, in memory.
     delay
@@ -92,7 +85,7 @@ def team(
     from teamslam.robot.peer import Habits
 
     refuse_to_overwrite(out, replace=None)
-    options = Options(poses_per_piece, heading_sigma, 0.0, landmarks)
+    options = steps.over(Options())
     weather, habits = Weather(loss, twice, 0.0, delay, line_rate), Habits(rate=rate)
     dataset = read(log, format=format)
     sockets = not (in_memory or weather != Weather())
@@ -142,7 +135,7 @@ def _in_processes(
     from teamslam.cli.convoy import convoy
     from teamslam.results.fleet import report_of_folders
 
-    extra = ["--landmarks", str(options.landmarks)]
+    extra = ["--landmarks", str(options.landmarks), "--horizon", str(options.horizon_s)]
     for name, value in (("poses-per-piece", options.poses_per_piece), ("heading-sigma", options.heading_sigma),
                         ("speed", speed), ("format", format)):  # fmt: skip
         extra += [f"--{name}", str(value)] if value is not None else []

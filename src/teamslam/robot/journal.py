@@ -52,11 +52,12 @@ class Rows(msgspec.Struct, frozen=True, array_like=True):
 @dataclass(frozen=True, eq=False)
 class Memory:
     """What a journal holds: rows and bodies (submaps and removals, with their signatures) as they came, the versions of
-    closed pieces that got late rows, and what is damaged, in words."""
+    closed pieces that got late rows, what landmarks are called, and what is damaged, in words."""
 
     tables: tuple[Table, ...] = ()
     bodies: tuple[Body, ...] = ()
     versions: Mapping[int, int] = field(default_factory=dict)
+    names: Mapping[int, str] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
 
 
@@ -72,6 +73,7 @@ class Journal:
         self._waiting: list[tuple[str, bytes]] = []
         self.lost = 0  # records that could not even wait
         self._versions: dict[int, int] = {}
+        self._called, self._names = dict(head.names.landmarks), head.names
         self._base = self._opened()
 
     def __enter__(self) -> "Journal":
@@ -87,7 +89,16 @@ class Journal:
         newer = {p.number: p.version for p in robot.closed if p.version > self._versions.get(p.number, 0)}
         self._versions |= newer
         records = [("rows", self._packed(table)) for table in robot.took]
-        self._write(records + [("version", msgspec.msgpack.encode(pair)) for pair in newer.items()], sync=False)
+        records += [("version", msgspec.msgpack.encode(pair)) for pair in newer.items()]
+        self._write(records + [("name", msgspec.msgpack.encode(pair)) for pair in self._fresh_names(robot)], sync=False)
+
+    def _fresh_names(self, robot: Robot) -> list[tuple[int, str]]:
+        if robot.head.names is self._names:
+            return []
+        self._names = robot.head.names
+        fresh = {n: name for n, name in self._names.landmarks.items() if n not in self._called}
+        self._called |= fresh
+        return list(fresh.items())
 
     def bodies(self, bodies: Iterable[Body]) -> bool:
         """Write down bodies that were made or heard. True once they are on the disk: only then may others be told."""
@@ -144,11 +155,14 @@ class Journal:
                     elif kind == "version":
                         number, version = msgspec.msgpack.decode(data, type=tuple[int, int])
                         self._versions[number] = max(version, self._versions.get(number, 0))
+                    elif kind == "name":
+                        landmark, name = msgspec.msgpack.decode(data, type=tuple[int, str])
+                        self._called[landmark] = name
                     else:
                         bodies.append(msgspec.msgpack.decode(data, type=Body))
                 except (ValueError, TypeError, AttributeError, msgspec.DecodeError) as error:
                     damaged.append(f"{self.path}: record {last} is damaged and left out: {error}")
-        return Memory(tuple(tables), tuple(bodies), dict(self._versions), tuple(damaged))
+        return Memory(tuple(tables), tuple(bodies), dict(self._versions), dict(self._called), tuple(damaged))
 
     # --- inside ---------------------------------------------------------------------------------------------------
 

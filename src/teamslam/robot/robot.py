@@ -22,7 +22,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.build.split import MIN_POSES, apart, cuts, refuse_borrowed
-from teamslam.model import Dataset, Table, pose_key
+from teamslam.model import Dataset, Names, Table, pose_key
 from teamslam.robot.filter import Filter
 from teamslam.robot.rows import ALWAYS, Batch, batches, divided, head_of, inserted, log_of, not_yet, rank_of
 from teamslam.robot.trail import Pace, Trail, along, begun_with, with_row
@@ -126,6 +126,10 @@ class Robot:
         if filter_ is None:
             return None
         return Estimate(filter_.key, filter_.frame, filter_.pose, filter_.pose_covariance)
+
+    def calling(self, names: Names) -> "Robot":
+        """With what everybody is called by now."""
+        return self if names is self.head.names else replace(self, head=replace(self.head, names=names))
 
     def remembering(self, tables: Iterable[Table], versions: Mapping[int, int] | None = None) -> "Robot":
         """The robot after rows that it took once already, in any order, each once: its pieces, of which some have come

@@ -1,11 +1,18 @@
-"""TOML files as nested tables."""
+"""TOML files as nested tables, and as records."""
 
+import difflib
 import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast, get_args, get_type_hints
+
+import msgspec
 
 from teamslam.errors import InputError
 from teamslam.io.files.delimited import read_text
+
+Record = TypeVar("Record")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -16,3 +23,39 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}", path=path) from None
     except RecursionError:
         raise InputError("nested too deeply to be read; expected a few tables", path=path) from None
+
+
+def record_from(table: Mapping[str, Any], kind: type[Record], *, path: str | Path | None = None) -> Record:
+    """A dataclass, and those within it, from a nested table. InputError names the file, the key and the cure."""
+    for name, known in unknown_keys(table, kind):
+        nearest = difflib.get_close_matches(name.rpartition(".")[2], known, n=1, cutoff=0.5)
+        cure = f"did you mean '{nearest[0]}'?" if nearest else f"known are: {', '.join(known)}"
+        raise InputError(f"unknown option; {cure}", path=path, field=name)
+    try:
+        return msgspec.convert(table, kind, dec_hook=_path)
+    except msgspec.ValidationError as error:
+        problem, _, place = str(error).partition(" - at ")
+        where = place.strip("`").removeprefix("$.") or None
+        raise InputError(problem.replace("`", "'"), path=path, field=where) from None
+    except InputError as error:
+        raise InputError(error.problem, path=path, field=error.field) from None
+
+
+def _path(kind: type, value: Any) -> Any:
+    """A value of a kind that TOML does not know: of these records, a path."""
+    if not isinstance(value, str):
+        raise ValueError(f"Expected a path, found {value!r}")
+    return kind(value)
+
+
+def unknown_keys(table: Mapping[str, Any], record: type) -> Iterator[tuple[str, list[str]]]:
+    """The keys of a nested table that a record has no field for, with the names of the fields there are."""
+    hints = get_type_hints(record)
+    known = [f.name for f in fields(record)]
+    for name, value in table.items():
+        if name not in known:
+            yield name, known
+            continue
+        inner = next((t for t in (hints[name], *get_args(hints[name])) if is_dataclass(t)), None)
+        if inner is not None and isinstance(value, Mapping):
+            yield from ((f"{name}.{deeper}", names) for deeper, names in unknown_keys(value, cast(type, inner)))

@@ -99,15 +99,16 @@ def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], l
                 )
             streams += _read_streams(csv, log, team, roster)
         else:
-            tables += _read_tables(csv, log, team, roster, taken, place)
+            tables += read_tables(csv, log, team, roster, taken, place)
             notes += notes_of_angles(csv, log.model, tables[-1].dim) if len(csv) else []
     return tables, streams, notes
 
 
-def _read_tables(
+def read_tables(
     csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tuple[int, str], int], place: int
 ) -> list[Table]:
-    """A file of increments, sightings or fixes: the one at a `place` in team.toml."""
+    """A file of increments, sightings or fixes: the one at a `place` in team.toml. `taken`: how many rows each robot's
+    log of each source has so far; it is brought up to date."""
     planar = all(dim == 2 for dim in roster.dims.values())
     dim = dim_of(csv, log.model, log.dim, 2 if planar else 3)
     noise = components(log.model, dim)

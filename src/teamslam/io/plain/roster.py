@@ -24,12 +24,17 @@ class Roster:
         self._landmarks: dict[str, int] = {}
         self._called: dict[int, str] = {}
         for name in team.landmarks:
-            self._number_of(name)
+            self.number_of(name)
 
     @property
     def dims(self) -> dict[int, int]:
         """The dimension that each robot moves in, by number."""
         return {number: robot.dim for number, robot in self.entries.items()}
+
+    @property
+    def known(self) -> int:
+        """How many landmarks have a name so far."""
+        return len(self._called)
 
     @property
     def names(self) -> Names:
@@ -56,11 +61,12 @@ class Roster:
     def landmarks(self, csv: Csv) -> IntArray:
         """The column `landmark` as keys (m,); -1 where it is empty: nobody said which landmark it is."""
         words, keys = csv.given_words("landmark"), np.full(len(csv), -1)
-        numbers = np.array([self._number_of(word) for word in words.names], np.int64)
+        numbers = np.array([self.number_of(word) for word in words.names], np.int64)
         keys[csv.given("landmark")] = landmark_key(numbers[words.codes])
         return keys
 
-    def _number_of(self, name: str) -> int:
+    def number_of(self, name: str) -> int:
+        """The number of a landmark, which gets one where it is new."""
         if name not in self._landmarks:
             given = self._team.landmarks.get(name)
             number = landmark_number(name) if given is None else given

@@ -1,0 +1,125 @@
+"""Where a robot's rows come from, and a robot that drives alone."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from teamslam.duty import Duty
+    from teamslam.errors import InputError
+    from teamslam.io.plain.lines import Lines
+    from teamslam.model import Dataset, Names, Table
+    from teamslam.robot import Robot
+    from teamslam.robot.journal import Memory
+
+QUIET_S = 0.02  # without rows, before something else is done
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The `log` whose channels are a robot's, its `number`, and the `lines` in which its rows are told, where they do
+    not come from the log itself."""
+
+    log: "Dataset"
+    number: int
+    lines: "Lines | None" = None
+
+    @classmethod
+    def of(cls, duty: "Duty") -> "Source":
+        """What a duty says. InputError where it cannot be read, or is not of the robot that is meant."""
+        from teamslam.io import read
+        from teamslam.io.plain.lines import Lines
+
+        assert duty.log is not None
+        if duty.lines:
+            lines = Lines(duty.log, duty.robot)
+            return cls(lines.head, lines.robot, lines)
+        log = read(duty.log, format=duty.format)
+        robots = [robot for robot in sorted(log.robots) if log.of_robot(robot).tables]
+        return cls(log, _number_of(duty.robot, log.names, robots))
+
+    def rows(
+        self, start: "Robot", memory: "Memory", wrong: "Callable[[InputError], None]"
+    ) -> "Iterator[tuple[float, list[Table]]]":
+        """The rows that a robot does not have yet, each moment's with its stamp; of lines, those to come."""
+        from teamslam.live import replayed, spoken
+
+        if self.lines is None:
+            newest_s = start.newest * self.log.names.tick_s
+            return (row for row in replayed(self.log, self.number) if row[0] >= newest_s)
+        self.lines.goes_on_after(memory.tables, memory.names)
+        return spoken(self.lines, sys.stdin.buffer, wrong, QUIET_S)
+
+    @property
+    def names(self) -> "Callable[[], Names] | None":
+        """What everybody is called by now, where rows bring new names."""
+        lines = self.lines
+        return None if lines is None else lambda: lines.names
+
+
+def alone(duty: "Duty", source: Source) -> int:
+    """A robot that drives alone, until its rows end."""
+    from teamslam.cli.console import complain, say
+    from teamslam.events import Events
+    from teamslam.io.submaps.arrays import file_name, write_submap
+    from teamslam.live import begun, drive, paced
+    from teamslam.results.poses import PoseFile
+    from teamslam.results.words import counted
+    from teamslam.robot.journal import Journal
+    from teamslam.robot.rows import head_of
+
+    out = Path(str(duty.out))
+    (out / "submaps").mkdir(parents=True, exist_ok=duty.resume)
+    log, number, submaps, late = source.log, source.number, 0, 0
+    wrong: list[InputError] = []
+    events = Events(duty.events)
+    events.tell("begun", robot=log.names.robot(number))
+
+    def heard(error: "InputError") -> None:
+        wrong.append(error)
+        complain(str(error))
+        events.tell("wrong", reason=str(error))
+
+    with (
+        Journal(out / "journal.db", head_of(log, number)) as journal,
+        PoseFile(out / "poses.csv", log.names, log.robots[number]) as poses,
+    ):
+        memory = journal.recall()
+        start = begun(log, number, duty.steps, memory)
+        rows = (row for row in source.rows(start, memory, heard) if row[1])
+        for moment in drive(start, paced(rows, duty.speed), journal=journal, names=source.names):
+            poses.add(moment.now)
+            for submap in moment.submaps:
+                write_submap(submap, out / "submaps" / file_name(submap))
+                events.tell("submap", id=submap.id, version=submap.version)
+            submaps += len(moment.submaps)
+            events.changed({"rows": {"late": moment.robot.counts.late}, "journal": journal.trouble})
+    for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
+        complain(trouble)
+    for reason in moment.unbuilt:
+        complain(f"a piece gave no submap: {reason}")
+    late = moment.robot.counts.late
+    if late:
+        complain(f"{counted(late, 'row')} came more than {duty.steps.horizon_s:g} s behind and were left out")
+    say(f"written: {out}: {counted(poses.rows, 'pose')}, {counted(submaps, 'submap')}")
+    code = 1 if late or wrong or moment.unbuilt or memory.damaged or journal.trouble else 0
+    events.tell("ended", code=code)
+    events.close()
+    return code
+
+
+def _number_of(name: str | None, names: "Names", robots: Sequence[int]) -> int:
+    """The number of the robot that is meant. InputError where it is none of a log's, or must be named."""
+    from teamslam.errors import InputError
+
+    known = {names.robot(number): number for number in robots}
+    if name is None and len(known) == 1:
+        return robots[0]
+    if name in known:
+        return known[name]
+    there = ", ".join(known)
+    if name is None:
+        raise InputError(f"this log is of several robots ({there}); say which with --robot", field="robot")
+    raise InputError(f"this log has no robot '{name}'; it is of: {there}", field="robot")

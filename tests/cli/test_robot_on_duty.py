@@ -1,0 +1,154 @@
+"""`teamslam robot` told by a file, with rows that come as lines: as a robot has it that drives."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from teamslam.duty import Duty, read_duty
+from teamslam.errors import InputError
+from teamslam.events import happened
+from teamslam.io import read, read_submaps, write
+from teamslam.io.plain.lines import Lines
+from teamslam.joining import build, split
+from teamslam.robot import Options
+from teamslam.wire.messages import canonical
+from worlds import team
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("team") / "log"
+    write(team("2d", robots=2, poses=20, landmarks=6, sees=0.6), path, "plain")
+    return path
+
+
+def lines_of(log: Path, robot: str) -> list[str]:
+    """A plain log's rows of one robot as lines, those of each time together, odometry first."""
+    rows = []
+    for path in sorted(log.glob(f"*_{robot}.csv")):
+        with path.open() as file:
+            for row in csv.DictReader(file):
+                when = float(row.get("to_stamp") or row["stamp"])
+                cells = {k: v if k in ("other", "landmark") else float(v) for k, v in row.items()}
+                rows.append((when, "to_stamp" not in row, json.dumps({"file": path.name} | cells)))
+    return [line for _, _, line in sorted(rows, key=lambda row: row[:2])]
+
+
+def played(out: Path, lines: list[str], *options: object) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "teamslam", "robot", *map(str, options), "--out", str(out)]
+    return subprocess.run(command, input="\n".join(lines) + "\n", capture_output=True, text=True, check=False)
+
+
+def test_rows_as_lines_make_the_submaps_of_the_log(log: Path, tmp_path: Path) -> None:
+    lines = lines_of(log, "2")
+    called = played(tmp_path / "two", lines, log, "--lines", "--robot", 2, "--poses-per-piece", 8)
+    assert called.returncode == 0, called.stderr
+    offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
+    assert sorted(map(canonical, read_submaps(tmp_path / "two" / "submaps"))) == sorted(map(canonical, offline))
+
+
+def test_stopped_on_the_way_it_goes_on_with_the_lines_that_follow(log: Path, tmp_path: Path) -> None:
+    """Rows are counted on from those in the journal, and names of landmarks are remembered."""
+    named = [line.replace('"landmark": "', '"landmark": "tag ') for line in lines_of(log, "2")]
+    half = next(n for n, line in enumerate(named) if '"to_stamp"' in line and n > len(named) // 2)
+    duty = tmp_path / "duty.toml"
+    duty.write_text(
+        f'log = "{log}"\nrobot = "2"\nout = "two"\nlines = true\nresume = true\nevents = "events.jsonl"\n'
+        "[steps]\nposes_per_piece = 8\n"
+    )
+    whole = played(tmp_path / "whole", named, log, "--lines", "--robot", 2, "--poses-per-piece", 8)
+    assert whole.returncode == 0, whole.stderr
+    for part in (named[:half], [*named[half:], '{"file": "landmarks_2.csv", "stamp": "noon"}', "nonsense"]):
+        called = played(tmp_path / "two", part, "--config", duty)
+    assert called.returncode == 1 and called.stderr.count("line ") == 2
+    maps = [sorted(map(canonical, read_submaps(tmp_path / name / "submaps"))) for name in ("two", "whole")]
+    assert maps[0] == maps[1]
+    known = {name for submap in read_submaps(tmp_path / "two" / "submaps") for name in submap.names.landmarks.values()}
+    assert known and all(name.startswith("tag ") for name in known)
+    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    kinds = [event["event"] for event in events]
+    assert kinds.count("begun") == 2 and kinds.count("wrong") == 2 and kinds.count("ended") == 2
+    assert events[-1]["code"] == 1 and {"2/0"} <= {e["id"] for e in events if e["event"] == "submap"}
+
+
+def test_a_duty_says_all_and_the_command_line_wins(tmp_path: Path) -> None:
+    path = tmp_path / "duty.toml"
+    path.write_text(
+        'log = "log"\nout = "/var/red"\n[steps]\nlandmarks = 9\n[team]\nlisten = "10.0.0.3:7447"\n'
+        'certificates = "secrets"\nmembers = [1, 2]\n[habits]\nrate = 20000\n'
+    )
+    duty = read_duty(path)
+    assert duty.log == tmp_path / "log" and duty.out == Path("/var/red") and duty.steps == Options(landmarks=9)
+    address = duty.address(2)
+    assert address is not None and address.certificates == tmp_path / "secrets" and address.members == (1, 2)
+    assert duty.habits.rate == 20000 and Duty().address(1) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("rowbot = 1", "field 'rowbot': unknown option; did you mean 'robot'?"),
+        ("[steps]\nposes_per_peace = 3", "field 'steps.poses_per_peace': unknown option; did you mean"),
+        ('[steps]\nlandmarks = "many"', "field 'steps.landmarks'"),
+        ("[steps]\nlandmarks = 0", "at least 1 landmark"),
+        ("speed = 0.0", "a speed is above 0"),
+        ("lines = true\nspeed = 2.0", "leave out speed"),
+        ("log = 3", "field 'log'"),
+        ("[team]\nmembers = 3", "field 'team.members'"),
+        ("[habits]\nrate = -1.0", "a number above 0"),
+        ("log = [", "not valid TOML"),
+    ],
+)
+def test_a_duty_that_makes_no_sense_is_refused_by_name(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "duty.toml"
+    path.write_text(text + "\n")
+    with pytest.raises(InputError, match=r"duty\.toml") as error:
+        read_duty(path)
+    assert says in str(error.value)
+
+
+def test_what_is_not_said_is_asked_for(teamslam, log: Path, tmp_path: Path) -> None:
+    assert "LOG is not given" in teamslam("robot", "--out", tmp_path / "out").err
+    assert "--out is not given" in teamslam("robot", log).err
+    called = teamslam("robot", log, "--lines", "--out", tmp_path / "out")
+    assert called.code == 2 and "say which robot this is, one of 1, 2" in called.err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("[1]", "line 1: expected an object"),
+        ('{"stamp": 1.0}', "line 1, field 'file': expected one of"),
+        ('{"file": "landmarks_2.csv", "robot": "1"}', "line 1, field 'robot': this robot is 2, found 1"),
+        ('{"file": "landmarks_2.csv", "stamp": -1, "landmark": 3, "x": 1, "y": 1}', "line 1, field 'stamp'"),
+        ('{"file": "landmarks_2.csv", "stamp": 1, "landmark": 3, "x": 1, "yy": 1}', "x, y (plane)"),
+    ],
+)
+def test_a_line_that_makes_no_sense_is_named(log: Path, line: str, says: str) -> None:
+    with pytest.raises(InputError) as error:
+        Lines(log, "2").row(line)
+    assert says in str(error.value)
+
+
+def test_what_happened_is_told_once() -> None:
+    before = {"holds": ["1/0, version 0"], "missing": 2, "refused_packets": {"why": 1}, "links": {"all": {}}}
+    after = {
+        "holds": ["1/0, version 1", "2/0, version 0"], "missing": 0, "refused_packets": {"why": 3}, "parked": True,
+        "links": {"all": {}, "2": {}}, "rows": {"late": 4}, "journal": "full", "revoked": ["3"],
+    }  # fmt: skip
+    assert list(happened(after, after)) == []
+    assert list(happened(before, after)) == [
+        {"event": "submap", "id": "1/0", "version": 1},
+        {"event": "submap", "id": "2/0", "version": 0},
+        {"event": "met", "robot": "2"},
+        {"event": "late", "rows": 4},
+        {"event": "refused", "reason": "why", "packets": 2},
+        {"event": "revoked", "robot": "3"},
+        {"event": "complete"},
+        {"event": "journal", "trouble": "full"},
+        {"event": "parked"},
+    ]
