@@ -44,3 +44,26 @@ def test_where_it_is_not_wanted_the_noise_is_taken_as_stated(teamslam, log: Path
 def test_workers_are_refused_in_words(teamslam, log: Path, tmp_path: Path) -> None:
     called = teamslam("run", log, "--out", tmp_path / "map", "--calibrate", "--workers", "2")
     assert called.code == 2 and "--calibrate" in called.err
+
+
+def test_what_a_robot_sends_is_put_right_by_what_it_knows_alone(teamslam, log: Path, tmp_path: Path) -> None:
+    told = {}
+    for name, option in (("as stated", ("--no-calibrate",)), ("honest", ())):
+        called = teamslam("build", log, "--out", tmp_path / name, "--json", *option)
+        told[name] = json.loads(called.out)["put_right"]
+        joined = teamslam("join", tmp_path / name, "--out", tmp_path / f"{name} map", "--truth", log, "--no-figures")
+        assert called.code == joined.code == 0
+    assert not told["as stated"]
+    assert all(any("odometry err by scale" in s for s in sentences) for sentences in told["honest"].values())
+    rmse = [
+        json.loads((tmp_path / f"{name} map" / "report.json").read_text())["robot_position_rmse_m"] for name in told
+    ]
+    assert rmse[1] < rmse[0]
+
+
+def test_submaps_of_a_right_model_are_the_same_to_the_bit(teamslam, tmp_path: Path) -> None:
+    write(team(51, poses=40), tmp_path / "log")
+    for name, option in (("as stated", ("--no-calibrate",)), ("asked", ())):
+        assert teamslam("build", tmp_path / "log", "--out", tmp_path / name, *option).code == 0
+    one, other = ([path.read_bytes() for path in sorted((tmp_path / n).iterdir())] for n in ("as stated", "asked"))
+    assert len(one) == 3 and one == other

@@ -10,9 +10,13 @@ def build(
     out: Path,
     version: Whole = 0,
     poses_per_piece: MaybeWhole = None,
+    calibrate: bool = True,
     format: str | None = None,
 ) -> int:
     """Build a submap of every piece of a log, each in its own frame.
+
+    Where a piece shows that its noise is not as stated, that is put right, so that what a robot sends claims no more
+    than it knows; how sensors of robots differ is seen only when a team's log is mapped as one (`teamslam run`).
 
     ```
     teamslam build MRCLAM_Dataset6 --out submaps
@@ -33,6 +37,8 @@ def build(
         The version of the submaps. In a join a newer version of a submap replaces an older one.
     poses_per_piece
         Cut each robot's log after so many poses. Without it a log is one piece, but for gaps in its odometry.
+    calibrate
+        Put right what a piece shows to be wrong with its noise (the default). --no-calibrate takes it as stated.
     format
         The format of the log, where it cannot be told from its looks.
     """
@@ -44,6 +50,7 @@ def build(
     from teamslam.joining import build as build_submap
     from teamslam.results import refuse_to_overwrite, whole_folder
     from teamslam.results.words import counted
+    from teamslam.trust.calibration import honest, sentences
 
     refuse_to_overwrite(out, replace=None)
     if version < 0:
@@ -53,11 +60,15 @@ def build(
         complain(f"refused: {reason}")
     if not pieces:
         raise InputError("none of these pieces can be built; see the reasons above")
-    submaps, failed = [], len(damaged)
+    submaps, failed, told = [], len(damaged), {}
     with progress_bar() as progress:
         for number, piece in enumerate(pieces, 1):
             try:
-                submaps.append(build_submap(piece, version=version))
+                submap = build_submap(piece, version=version)
+                if calibrate:
+                    submap, found = honest(submap, piece)
+                    told[submap.id] = sentences(found)
+                submaps.append(submap)
             except SolveError as error:
                 failed += 1
                 complain(f"piece {number} of {len(pieces)} gave no submap: {error}")
@@ -67,6 +78,9 @@ def build(
     with whole_folder(out) as draft:
         write_submaps(submaps, draft)
     robots = {robot for submap in submaps for robot in submap.robots}
+    for name, put_right in told.items():
+        for sentence in put_right:
+            say(f"put right in submap {name}: {sentence}")
     say(f"written: {out}: {counted(len(submaps), 'submap')} of {counted(len(robots), 'robot')}")
-    answer({"written": str(out), "submaps": [s.id for s in submaps], "failed": failed})
+    answer({"written": str(out), "submaps": [s.id for s in submaps], "failed": failed, "put_right": told})
     return PARTLY if failed else DONE
