@@ -38,7 +38,7 @@ from teamslam.model import Loss
 from teamslam.solver import Options as SolverOptions
 
 METHODS = ("join", "full")
-ReaderOption = bool | int | float | str
+ReaderOption = bool | int | float | str | list[str]
 
 
 @dataclass(frozen=True)

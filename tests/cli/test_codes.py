@@ -16,10 +16,11 @@ from worlds import team
 
 MODULE = [sys.executable, "-m", "teamslam"]
 BROKEN = (
-    "import sys, teamslam.io as io\nio.read = lambda *a, **k: 1 / 0\nfrom teamslam.cli import main\nsys.exit(main())"
+    "import sys, teamslam.io as io\nio.read_log = lambda *a, **k: 1 / 0\n"
+    "from teamslam.cli import main\nsys.exit(main())"
 )
 STOPPED = (
-    "import os, signal, sys, teamslam.io as io\nio.read = lambda *a, **k: os.kill(os.getpid(), signal.{})\n"
+    "import os, signal, sys, teamslam.io as io\nio.read_log = lambda *a, **k: os.kill(os.getpid(), signal.{})\n"
     "from teamslam.cli import main\nsys.exit(main())"
 )
 

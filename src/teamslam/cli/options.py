@@ -8,8 +8,30 @@ if TYPE_CHECKING:
     from teamslam.config import Config
 
 
+def asked_of(inputs: tuple[Path, ...], config: Path | None) -> "tuple[Path, Config]":
+    """The log that a call names, and the options in its file: a log by itself, or recordings with the team file that
+    says what they are. InputError for a call that names no log, or several."""
+    from teamslam.config import Config, config_from, read_config
+    from teamslam.errors import InputError
+    from teamslam.io.bags.team_file import is_team_file, read_team_file
+
+    if config is not None and is_team_file(config):
+        options = config_from(read_team_file(config).options, path=config)
+        if inputs:
+            instead = {"recordings": [str(path.resolve()) for path in inputs]}
+            options = replace(options, read={**options.read, **instead})
+        return config, options
+    if len(inputs) != 1:
+        what = "no log" if not inputs else f"{len(inputs)} inputs, and one log makes a map"
+        raise InputError(f"{what}; recordings of a team go with --config TEAM.toml, which `teamslam info` proposes")
+    (log,) = inputs
+    if config is not None:
+        return log, read_config(config)
+    return log, config_from(read_team_file(log).options, path=log) if is_team_file(log) else Config()
+
+
 def config_for(
-    path: Path | None,
+    given: "Path | Config | None",
     *,
     method: str | None = None,
     exact: bool = False,
@@ -26,7 +48,7 @@ def config_for(
     from teamslam.errors import InputError
     from teamslam.model import Loss
 
-    config = read_config(path) if path else Config()
+    config = given if isinstance(given, Config) else read_config(given) if given else Config()
     if method is not None:
         rounds = config.join.exact and method == "join"
         config = replace(config, method=method, join=replace(config.join, exact=rounds))

@@ -9,9 +9,7 @@ from teamslam.cli.numbers import MaybeWhole
 
 
 def run(
-    input: Path,
-    /,
-    *,
+    *inputs: Path,
     out: Path,
     method: str | None = None,
     exact: Annotated[bool, Parameter(negative="")] = False,
@@ -43,6 +41,7 @@ def run(
     teamslam run my-team --out my-map --reject --repair
     teamslam run my-team --out again --config my-map/config.toml
     teamslam run many-robots --out large --workers 8
+    teamslam run one.bag two.bag --config team.toml --out map
     ```
 
     Exit codes: 0 done; 1 not converged, in several parts, or something left out; 2 bad input or usage; 3 the
@@ -50,8 +49,9 @@ def run(
 
     Parameters
     ----------
-    input
-        A log: a folder or file in any format that `teamslam convert --help` lists.
+    inputs
+        A log: a folder or file in any format that `teamslam convert --help` lists. Or recordings, where --config names
+        a team file: they stand for those in it, in their order.
     out
         The folder to write. It appears when everything in it is written, never half.
     method
@@ -76,7 +76,7 @@ def run(
         Put right names of landmarks that lie (exchanged, or one that was moved), and leave out robots that contradict
         the others. Without it they are only named.
     config
-        Options in TOML; those on the command line win.
+        Options in TOML; those on the command line win. Or a team file, of which [options] holds them.
     format
         The format of the input, where it cannot be told from its looks.
     workers
@@ -96,7 +96,7 @@ def run(
     from teamslam.cli.codes import DONE, PARTLY, code_of
     from teamslam.cli.console import answer, detail, pairs, progress_bar, say
     from teamslam.cli.figures import coming, drawn
-    from teamslam.cli.options import config_for
+    from teamslam.cli.options import asked_of, config_for
     from teamslam.cli.parts import parts_beside, workers_for
     from teamslam.io import read_log
     from teamslam.pipeline import refuse_workers
@@ -106,9 +106,10 @@ def run(
     from teamslam.results.words import outcome
     from teamslam.viz.style import METHOD_NAMES
 
-    refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[input])
+    input, base = asked_of(inputs, config)
+    refuse_to_overwrite(out, replace=force, ours=OURS, inputs=[input, *inputs])
     options = config_for(
-        config,
+        base,
         method=method,
         exact=exact,
         gap=gap,

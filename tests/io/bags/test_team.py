@@ -26,7 +26,7 @@ def team(tmp_path_factory):
 
 
 def test_the_team_file_of_the_docs_is_one(tmp_path):
-    text, folder = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
+    text, folder, *_ = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "team.toml").write_text(f"[tags]\nsize_m = 0.1\n{folder}")
     assert read_team_file(tmp_path / "team.toml").robot[0].camera[0].rate_hz == 30.0
     (tmp_path / "team.toml").write_text(text)

@@ -7,7 +7,7 @@ and as many more as tags need that are seen seldom.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +42,9 @@ TRUTH_GAP_S = 0.2  # between two true poses, beyond which there is no truth
 
 @dataclass(frozen=True)
 class Options:
-    """The reader of recordings has none: all is in the team file."""
+    """`recordings`: paths that stand for those in the team file, in the order in which it first names them."""
+
+    recordings: list[str] = field(default_factory=list)
 
 
 def sniff(path: Path) -> bool:
@@ -53,8 +55,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, options: Mapping[str, object] | None = None, progress: Progress | None = None) -> Dataset:
     """The log of the team in a team file; `progress` hears how far the search for tags in images is. InputError names
     file and field of what cannot be read."""
-    options_of(Options, options, reader="recordings")
-    team = read_team_file(path)
+    others = options_of(Options, options, reader="recordings").recordings
+    team = read_team_file(path).with_recordings(others, path)
     seen = [seen_by(robot, path.parent, team, progress) for robot in team.robot]
     book = Book()
     for robot in seen:

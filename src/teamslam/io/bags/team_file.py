@@ -26,7 +26,7 @@ number = 20
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -134,12 +134,30 @@ class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """The whole file. `truth` says where tags truly are, in the frame of the robots' true poses."""
+    """The whole file. `truth` says where tags truly are, in the frame of the robots' true poses; `options` are those of
+    the run, as an options file has them."""
 
     tags: Tags
     robot: list[RobotEntry]
     landmark: list[LandmarkEntry] = []
     truth: list[CarriedTag] = []
+    options: dict[str, object] = {}
+
+    def with_recordings(self, others: Sequence[str], path: Path) -> "TeamFile":
+        """With `others` for the recordings in it, in the order in which it first names them; none: as it is. InputError
+        where there are more or fewer."""
+        if not others:
+            return self
+        named = list(dict.fromkeys(robot.recording for robot in self.robot))
+        if len(named) != len(others):
+            raise InputError(
+                f"the team file names {len(named)} recordings ({', '.join(named)}), and {len(others)} are given",
+                path=path,
+                field="robot.recording",
+            )
+        instead = dict(zip(named, others, strict=True))
+        robots = [msgspec.structs.replace(robot, recording=instead[robot.recording]) for robot in self.robot]
+        return msgspec.structs.replace(self, robot=robots)
 
     def carried(self) -> dict[int, Tag]:
         """The tags on robots and on landmarks of several tags, by number. InputError for one that stands twice."""

@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import TypeVar, get_type_hints
+from typing import TypeVar, get_origin, get_type_hints
 
 from teamslam.errors import InputError
 
@@ -24,7 +24,7 @@ def options_of(record: type[Record], given: Mapping[str, object] | None, *, read
             near = difflib.get_close_matches(name, names, 1)
             hint = f"did you mean '{near[0]}'?" if near else f"it knows {', '.join(names) or 'none'}"
             raise InputError(f"the {reader} reader has no option '{name}'; {hint}", field=name)
-        kind = kinds[name]
+        kind = get_origin(kinds[name]) or kinds[name]
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
