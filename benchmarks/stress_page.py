@@ -18,7 +18,7 @@ PAGE = """# Logs that nobody tuned for
 {count:,} random logs, each made from a seed: a world (plane, planar robots among points in space, space, robots of both
 kinds), one to eight robots with ways of their own (circles, straight drives, turns on the spot, standing still, half
 turns, jumps), sensors of every model under every loss, noise from a micron to a hundred metres, and what goes wrong
-with logs. Each goes through teamslam by one of its faces, with default settings, and is to **end with a map, or with a
+with logs. Each goes through teamslam by one of its faces, noise as stated, and is to **end with a map, or with a
 sentence that is true**; how many do is counted here. What is said is checked by an oracle that knows no submaps, starts
 or joins: ranks and sigmas of the stacked Jacobian of the log's own rows at the truth, costs and gradients by
 differences, counts of what went in and came out. A sentence that no check knows is a failure of its own. The generator,

@@ -28,7 +28,7 @@ def check_command(outcome: Outcome, findings: Findings) -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
         ts.write(outcome.file.before, folder / "log", format="plain")
-        arguments = ["run", str(folder / "log"), "--out", str(folder / "map"), "--no-figures"]
+        arguments = ["run", str(folder / "log"), "--out", str(folder / "map"), "--no-figures", "--no-calibrate"]
         try:
             code, said = _called([*arguments, *OPTIONS[outcome.method]])
         except Exception as error:

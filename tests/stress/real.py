@@ -91,7 +91,7 @@ def complete(name: str, find: Find) -> Dataset:
     """A published log, whose truth is its own where it has one, and else the full least squares' map."""
     log = ts.read(find(name))
     log = replace(log, tables=numbered(log.tables))
-    reference = ts.run(log, Config(method="full"))
+    reference = ts.run(log, Config(method="full", calibrate=False))
     (component,) = reference.joined.components
     values = component.map.all_values
     if log.truth is None:

@@ -9,6 +9,7 @@ CURED = {
     7000057: "two pits of a loss in one valley: said to be two places of a landmark",
     7000065: "a landmark beside a sensor: ranges from all around that were said to come from one line",
     1000074: "a landmark that was in the way: it stayed out though the optimum of the rest holds it",
+    7000124: "ground and air: bodies among weak directions were looked for without end",
     7000160: "sigmas far apart: a pose was said to be open whose pivot is lost in rounding",
 }
 

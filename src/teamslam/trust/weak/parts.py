@@ -49,8 +49,9 @@ def bodies(motions: Motions, open_: Array) -> list[BoolArray]:
     own = {int(place): _own_motion(motions, open_, int(place)) for place in np.flatnonzero(layout.kinds < 2)}
     tolerance = SAME * scale * (1.0 + np.ptp(motions.places, axis=0).max() / reach)
     while own:
-        motion = own[min(own)]
-        body = _follows(motions, open_, motion, tolerance)
+        first = min(own)
+        body = _follows(motions, open_, own[first], tolerance)
+        body[first] = True  # by its own motion, whatever rounding leaves between the two
         found.append(body)
         own = {place: m for place, m in own.items() if not body[place]}
     # What stands on the border of two bodies belongs to the larger.
