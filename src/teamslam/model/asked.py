@@ -29,15 +29,13 @@ def key_asked(asked: Asked, names: Names, keys: IntArray) -> int:
         return _there(int(asked), names, keys)
     words = _words(asked, "a variable is asked for in words, such as 'door' or 'red@12.5', or by its key")
     landmarks = _landmarks(names, keys)
-    if words in landmarks:
-        return landmarks[words]
+    for name in (words, words.removeprefix("landmark ")):
+        if name in landmarks:
+            return landmarks[name]
     robots = robot_names(names, keys)
     robot, stamp = _pose_words(words, robots)
     if stamp:
         return pose_asked(robot, stamp, names, keys)
-    bare = words.removeprefix("landmark ")
-    if bare in landmarks:
-        return landmarks[bare]
     if robot in robots:
         raise ModelError(
             f"'{in_words(words)}' is a robot, which has many poses; ask for one, such as '{robot}@first', "
