@@ -87,6 +87,10 @@ class Crew:
         except (OSError, ValueError):
             return {}
 
+    def said(self, robot: int) -> str:
+        """The end of what a robot wrote on its terminal."""
+        return (self.folder / str(robot) / "output.txt").read_text()[-2000:]
+
     def same(self) -> bool:
         """Whether all that run have no rows left and hold the same."""
         said = [self.status(robot) for robot in self.processes]
@@ -106,8 +110,7 @@ class Crew:
         """Raise RuntimeError, with what it said, where a robot has ended by itself."""
         for robot, process in self.processes.items():
             if process.poll() is not None:
-                said = (self.folder / str(robot) / "output.txt").read_text()[-2000:]
-                raise RuntimeError(f"robot {robot} ended with {process.returncode}: {said}")
+                raise RuntimeError(f"robot {robot} ended with {process.returncode}: {self.said(robot)}")
 
     def maps(self) -> dict[int, bytes]:
         """The maps that the robots wrote at their end, to the bit."""

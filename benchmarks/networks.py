@@ -91,14 +91,15 @@ def campaign(name: str, options: argparse.Namespace) -> dict[str, Any]:
         cuts.heal()
         same = crew.until(crew.same, PATIENCE_S)
         after = time.monotonic() - parked
-        for robot in list(crew.processes):
-            crew.end(robot, signal.SIGTERM)
+        codes = [crew.end(robot, signal.SIGTERM) for robot in list(crew.processes)]
         maps = crew.maps()
         left = {maps.get(robot) for robot in robots[1:]}
         return {
             "weather": name,
             "cuts": cuts.count,
             "same_after_s": round(after, 1) if same else None,
+            "exit_codes": codes,
+            "said": [crew.said(robot) for robot in robots] if any(codes) else [],
             "ip_bytes": sum(ether.carried.values()),
             "maps_equal": len(left) == 1 and None not in left,
             "equal_to_offline": left == {crew.offline_bits()},

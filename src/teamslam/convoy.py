@@ -91,6 +91,7 @@ class Driver:
             "revoked": [names.robot(number) for number in sorted(robot.head.robots) if peer.revoked(number)],
             "refused_packets": dict(peer.refused),
             "journal": self.journal.trouble,
+            "map": self.member.mapper.trouble,
             "links": {
                 "all" if to == EVERYONE else names.robot(to): vars(line.sent) | {"refused": line.refused}
                 for to, line in sorted(peer.lines.items())

@@ -60,6 +60,11 @@ class Duty:
         if self.lines and self.speed is not None:
             raise InputError("lines on stdin come at their own speed; leave out speed", field="speed")
 
+    @property
+    def in_real_time(self) -> bool:
+        """Whether rows come in their own time: then nothing may make them wait."""
+        return self.lines or self.speed is not None
+
     def address(self, number: int) -> Address | None:
         """Where the robot with this number is among its team; None where it drives alone."""
         t = self.team

@@ -9,7 +9,7 @@ What stands in brackets runs beside the steps, on an executor; where none is giv
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, replace
 from itertools import groupby
 from time import monotonic, sleep
@@ -22,6 +22,7 @@ from teamslam.robot.journal import Journal, Memory
 from teamslam.robot.rows import batches, head_of, rank_of
 
 Heard = Callable[[], Sequence[Submap]]
+Round = tuple[Atlas, Filter | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +127,11 @@ def drive(
 
 class Mapper:
     """What runs beside the steps: it makes submaps and maps of what is closed and heard, one round at a time.
-    `atlas`: what it has made."""
+    `atlas`: what it has made; `trouble`: why it is made between two steps after all, where its executor broke."""
 
     def __init__(self, executor: Executor | None = None) -> None:
-        self._executor, self.atlas = executor, Atlas()
-        self._round: Future[tuple[Atlas, Filter | None]] | None = None
+        self._executor, self.atlas, self.trouble = executor, Atlas(), ""
+        self._round: Future[Round] | None = None
 
     def attend(self, robot: Robot, heard: Heard = tuple) -> tuple[Robot, tuple[Submap, ...]]:
         """Take in the round that has ended, if one has, and begin the next where a piece has closed; `heard` gives what
@@ -142,18 +143,25 @@ class Mapper:
             else:
                 self._round = self._executor.submit(mapped, self.atlas, robot, heard())
         elif self._round is not None and self._round.done():
-            robot, finished = self._taken_in(robot, *self._round.result())
-            self._round = None
+            robot, finished = self._ended(robot, self._round)
         return robot, finished
 
     def finish(self, robot: Robot) -> tuple[Submap, ...]:
         """The submaps of all that is left."""
         finished: tuple[Submap, ...] = ()
         if self._round is not None:
-            robot, finished = self._taken_in(robot, *self._round.result())
-            self._round = None
+            robot, finished = self._ended(robot, self._round)
         _, more = self._taken_in(robot, built(self.atlas, robot), None)
         return finished + more
+
+    def _ended(self, robot: Robot, round: "Future[Round]") -> tuple[Robot, tuple[Submap, ...]]:
+        """With what a round has made; what one could not make the next one will, between two steps."""
+        self._round = None
+        try:
+            return self._taken_in(robot, *round.result())
+        except BrokenExecutor as error:
+            self._executor, self.trouble = None, f"{error}; submaps are made between two steps"
+            return robot, ()
 
     def _news(self, robot: Robot) -> bool:
         held = self.atlas.stretches
@@ -175,12 +183,17 @@ def built(atlas: Atlas, robot: Robot) -> Atlas:
     return atlas
 
 
-def mapped(atlas: Atlas, robot: Robot, heard: Sequence[Submap] = ()) -> tuple[Atlas, Filter | None]:
+def mapped(atlas: Atlas, robot: Robot, heard: Sequence[Submap] = ()) -> Round:
     """The atlas with all that a robot has closed and heard, and the filter with which its open rows begin."""
     atlas = built(atlas, robot).in_short(heard, robot.number)
-    if robot.since is None or (known := atlas.map_with(robot.since)) is None:
-        return atlas, None
+    return atlas, start_of(atlas, robot.since, robot.options.landmarks)
+
+
+def start_of(atlas: Atlas, since: int | None, landmarks: int) -> Filter | None:
+    """The filter with which rows after a pose begin; None where the map does not hold it."""
+    if since is None or (known := atlas.map_with(since)) is None:
+        return None
     try:
-        return atlas, outlook(known, robot.since, robot.options.landmarks)
+        return outlook(known, since, landmarks)
     except SolveError:
-        return atlas, None
+        return None

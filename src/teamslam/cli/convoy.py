@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 def among(duty: "Duty", source: "Source", address: "Address") -> int:
     """One robot among its team until it is ended; it goes on from its journal where there is one."""
+    from teamslam.beside import Beside
     from teamslam.cli.console import complain
     from teamslam.convoy import Driver
     from teamslam.events import Events
@@ -31,7 +32,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.io import write_submaps
     from teamslam.io.files.whole import whole_file
     from teamslam.io.submaps.arrays import file_name, write_submap
-    from teamslam.live import begun
+    from teamslam.live import Mapper, begun
     from teamslam.results.fleet import joined
     from teamslam.results.poses import PoseFile
     from teamslam.results.words import counted
@@ -76,7 +77,8 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             seal = read_seal(address.certificates, address.team, robot, address.members, dataset.names)
             peer = Peer(robot, duty.habits, seal).recalling(read_revocations(address.certificates))
         peer = peer.recalling(memory.bodies)
-        member, kept = Member(start, peer, link), _known(memory.bodies)
+        beside = stack.enter_context(Beside()) if duty.in_real_time else None
+        member, kept = Member(start, peer, link, Mapper(beside)), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
         whole = driver.drive(source.rows(start, memory, heard), duty.speed)
     for submap in driver.member.mapper.atlas.submaps:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,6 +62,7 @@ class Source:
 
 def alone(duty: "Duty", source: Source) -> int:
     """A robot that drives alone, until its rows end."""
+    from teamslam.beside import Beside
     from teamslam.cli.console import complain, say
     from teamslam.events import Events
     from teamslam.io.submaps.arrays import file_name, write_submap
@@ -85,11 +87,13 @@ def alone(duty: "Duty", source: Source) -> int:
     with (
         Journal(out / "journal.db", head_of(log, number)) as journal,
         PoseFile(out / "poses.csv", log.names, log.robots[number]) as poses,
+        Beside() if duty.in_real_time else nullcontext() as beside,
     ):
         memory = journal.recall()
         start = begun(log, number, duty.steps, memory)
         rows = (row for row in source.rows(start, memory, heard) if row[1])
-        for moment in drive(start, paced(rows, duty.speed), journal=journal, names=source.names):
+        arrivals = paced(rows, duty.speed)
+        for moment in drive(start, arrivals, executor=beside, journal=journal, names=source.names):
             poses.add(moment.now)
             for submap in moment.submaps:
                 write_submap(submap, out / "submaps" / file_name(submap))

@@ -12,6 +12,7 @@ import json
 import queue
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,10 +85,13 @@ class ZenohLink:
         return self._inbox.dropped.total()
 
     def close(self) -> None:
-        """Leave; what waits to be handed over is, if that is quick."""
-        self._outbox.put(None)
+        """Leave; what waits to be handed over is, if that is quick. Where the network does not let one take one's leave
+        in time, one is gone without."""
+        with suppress(queue.Full):
+            self._outbox.put(None, timeout=1.0)
         self._mouth.join(5.0)
-        self._session.close()
+        with suppress(Exception):  # zenoh has one error for all
+            self._session.close()
 
     def _heard(self, sample: Any) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
