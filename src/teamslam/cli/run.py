@@ -98,6 +98,7 @@ def run(
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.options import asked_of, config_for
     from teamslam.cli.parts import parts_beside, workers_for
+    from teamslam.cli.recorded import recorded_besides
     from teamslam.io import read_log
     from teamslam.pipeline import refuse_workers
     from teamslam.pipeline import run as run_pipeline
@@ -137,8 +138,11 @@ def run(
             refuse_to_overwrite(out, replace=force, ours=OURS)
             write_record(record, options, out)
             progress("writing", 1, 1)
+            left_out = recorded_besides(input, result, record, out, progress)
         pictured = drawings is None or drawn(drawings, out, progress)
     pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
     answer({**record.report, "written": str(out)})
+    for what in left_out:
+        say(f"left out: {what}")
     say(f"written: {out}" + (f"; look at {out / 'report.html'} first" if figures and pictured else ""))
     return max(code_of(record.report), DONE if pictured else PARTLY)

@@ -8,8 +8,8 @@ clock       how long each stage took
 """
 
 from teamslam.pipeline.clock import Clock, Progress
-from teamslam.pipeline.mapping import pairs, refuse_workers
+from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
 from teamslam.pipeline.result import Result
 from teamslam.pipeline.story import run, scores_of
 
-__all__ = ["Clock", "Progress", "Result", "pairs", "refuse_workers", "run", "scores_of"]
+__all__ = ["Clock", "Progress", "Result", "mapped", "pairs", "refuse_workers", "run", "scores_of"]

@@ -11,6 +11,8 @@ What is in it:
     report.json        figures for scripts            config.toml     every option as used
     residuals.csv      what every row of the log leaves at the map (see `residuals`)
     history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
+    tags/              of recordings: the tags for other programs (see `tagged`)
+    table_3.csv        of recordings with truth: errors by full least squares, join and exact join
 """
 
 import csv
@@ -188,5 +190,5 @@ FILES: dict[str, Callable[[Record, Path], object]] = {
     "tum": _write_tum,
     "report.json": _write_report,
 }
-OURS = (*FILES, "config.toml", "figures", PAGE)
+OURS = (*FILES, "config.toml", "figures", PAGE, "tags", "table_3.csv")
 """What a run writes; nothing else is ever replaced."""

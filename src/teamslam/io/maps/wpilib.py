@@ -36,7 +36,7 @@ def write(maps: Sequence[MapEstimate], path: Path) -> tuple[Dropped, ...]:
     for found, file in zip(maps, paths_of(path, len(maps)), strict=True):
         numbers, poses = _tags(found)
         lost += len(found.values) - len(numbers)
-        write_text(file, json.dumps(_layout(numbers, poses), indent=1) + "\n")
+        write_text(file, json.dumps(layout_of(numbers, poses), indent=1) + "\n")
     return (Dropped(lost, "poses of robots, and landmarks that are no numbered tags"),) if lost else ()
 
 
@@ -49,7 +49,8 @@ def _tags(found: MapEstimate) -> tuple[list[int], Pose]:
     return [int(found.names.landmark(int(key))) for key in keys], found.values.poses_of(keys, 3)
 
 
-def _layout(numbers: list[int], poses: Pose) -> dict[str, object]:
+def layout_of(numbers: list[int], poses: Pose) -> dict[str, object]:
+    """The field layout of tags at poses (n,)."""
     turned = Pose(poses.rotation @ OURS, poses.translation)
     tags = [
         {

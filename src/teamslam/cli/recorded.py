@@ -1,0 +1,23 @@
+"""What a run writes besides where it was made of recordings: tags for robots, and Table 3 where the truth is known."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from teamslam.pipeline import Progress, Result
+    from teamslam.results import Record
+
+
+def recorded_besides(input: Path, result: "Result", record: "Record", out: Path, progress: "Progress") -> list[str]:
+    """Write them into the run's folder; says what they leave out. Nothing for any other log."""
+    from teamslam.io.bags.team_file import is_team_file, read_team_file
+    from teamslam.results.table_3 import write_table_3
+    from teamslam.results.tagged import write_tags
+
+    if not is_team_file(input):
+        return []
+    dropped = write_tags(record, read_team_file(input), out / "tags")
+    missing: tuple[str, ...] = ()
+    if result.dataset.truth is not None:
+        missing = write_table_3(result.dataset, result.config, out / "table_3.csv", progress)
+    return [f"{d.count} {d.reason}" for d in dropped] + [f"from table_3.csv: {why}" for why in missing]
