@@ -49,6 +49,8 @@ def test_a_film_is_mapped_and_scored(teamslam, tmp_path):
     found = json.loads(called.out)
     assert called.code in (0, 1, 3)  # few images: a map may come in parts, or doubt itself
     assert found["converged"] and not found["fit"]["gross"]
+    names = {path.name for path in (tmp_path / "map" / "frames").iterdir()}
+    assert {"worst_1.png", "best_1.png"} <= names and (tmp_path / "map" / "table_3.csv").exists()
 
 
 @pytest.mark.parametrize(

@@ -90,3 +90,15 @@ def test_table_3_has_all_three_methods(run):
     assert {method for method, _ in found} == {"full", "join", "exact"}
     assert all(found[method, "landmarks"] < 0.1 for method in ("full", "join", "exact"))
     assert found["exact", "landmarks"] == pytest.approx(found["full", "landmarks"], rel=1e-3)
+
+
+def test_reprojection_is_of_every_camera_and_tag(run):
+    room, out = run
+    rows = rows_of(out / "tags" / "reprojection.csv")
+    assert {r["robot"] for r in rows} == {"robot0", "robot1"}
+    cubes = {number for robot in tagged_room.CUBES for number in robot}
+    seen = {int(r["tag"]) for r in rows}
+    assert seen <= set(room.walls) | cubes and seen & cubes and len(seen & set(room.walls)) >= 5
+    pixels = np.concatenate([[float(r["rms_px"])] * int(r["images"]) for r in rows])
+    noise = tagged_room.FLOOR * np.sqrt(2.0)  # of a corner, and more where tags are small; less what is fitted
+    assert 0.5 * noise < np.median(pixels) < 2.0 * noise

@@ -11,12 +11,23 @@ if TYPE_CHECKING:
 def recorded_besides(input: Path, result: "Result", record: "Record", out: Path, progress: "Progress") -> list[str]:
     """Write them into the run's folder; says what they leave out. Nothing for any other log."""
     from teamslam.io.bags.team_file import is_team_file, read_team_file
+    from teamslam.results.frames import write_frames
+    from teamslam.results.reprojection import reprojected, write_reprojection
     from teamslam.results.table_3 import write_table_3
     from teamslam.results.tagged import write_tags
 
     if not is_team_file(input):
         return []
-    dropped = write_tags(record, read_team_file(input), out / "tags")
+    others = result.config.read.get("recordings", [])
+    team, folder = (
+        read_team_file(input).with_recordings(others if isinstance(others, list) else [], input),
+        input.parent,
+    )
+    dropped = write_tags(record, team, out / "tags")
+    found = reprojected(result.dataset, record.maps, team, folder)
+    if found:
+        write_reprojection(found, out / "tags" / "reprojection.csv")
+        write_frames(found, team, folder, out / "frames")
     missing: tuple[str, ...] = ()
     if result.dataset.truth is not None:
         missing = write_table_3(result.dataset, result.config, out / "table_3.csv", progress)

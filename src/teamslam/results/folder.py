@@ -12,6 +12,7 @@ What is in it:
     residuals.csv      what every row of the log leaves at the map (see `residuals`)
     history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
     tags/              of recordings: the tags for other programs (see `tagged`)
+    frames/            of recordings with images: the worst and the best, with corners as seen and as mapped
     table_3.csv        of recordings with truth: errors by full least squares, join and exact join
 """
 
@@ -190,5 +191,5 @@ FILES: dict[str, Callable[[Record, Path], object]] = {
     "tum": _write_tum,
     "report.json": _write_report,
 }
-OURS = (*FILES, "config.toml", "figures", PAGE, "tags", "table_3.csv")
+OURS = (*FILES, "config.toml", "figures", PAGE, "tags", "frames", "table_3.csv")
 """What a run writes; nothing else is ever replaced."""

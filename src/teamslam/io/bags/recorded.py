@@ -1,5 +1,7 @@
 """A robot's recording, video or folder of images, read: its streams, and the tags that were looked for in images."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,12 +36,7 @@ def seen_by(entry: RobotEntry, folder: Path, team: TeamFile, progress: Progress 
         truth = read_track(recording, entry.truth) if entry.truth is not None else None
         views, dropped, notes = [], [], []
         for camera in entry.camera:
-            if camera.calibration.startswith("/") and camera.calibration in recording.topics:
-                known = camera_in(recording, camera.calibration)
-            else:
-                known = read_camera(
-                    folder / camera.calibration, camera.calibration_name, (camera.tags or camera.images,)
-                )
+            known = _camera_of(camera, folder, recording)
             if camera.tags and _role(recording, camera.tags) == "tag poses":
                 implied = _implied(entry, camera, known, read_tag_poses(recording, camera.tags), team)
                 views.append(implied.view)
@@ -57,6 +54,40 @@ def seen_by(entry: RobotEntry, folder: Path, team: TeamFile, progress: Progress 
         return Seen(entry, track, truth, tuple(views), tuple(dropped), tuple(notes))
 
 
+def cameras_of(entry: RobotEntry, folder: Path) -> tuple[Camera, ...]:
+    """The calibrated cameras of a robot, in the order of its entry."""
+    path = folder / entry.recording
+    if is_video(path) or (path.is_dir() and not is_recording(path)):
+        return tuple(_camera_of(camera, folder, None) for camera in entry.camera)
+    with opened(path) as recording:
+        return tuple(_camera_of(camera, folder, recording) for camera in entry.camera)
+
+
+@contextmanager
+def images_of(entry: RobotEntry, camera: CameraEntry, folder: Path) -> Iterator[Pictures]:
+    """The images of a camera, while its recording is open."""
+    path = folder / entry.recording
+    if is_video(path) or (path.is_dir() and not is_recording(path)):
+        yield _pictures_in_files(path, camera, folder)
+        return
+    with opened(path) as recording:
+        yield pictures_of_topic(recording, camera.images)
+
+
+def _pictures_in_files(path: Path, camera: CameraEntry, folder: Path) -> Pictures:
+    stamps = read_stamps(folder / camera.stamps) if camera.stamps else None
+    if is_video(path):
+        return pictures_of_video(path, camera.rate_hz, None if stamps is None else stamps[1])
+    return pictures_of_folder(path, camera.images, camera.rate_hz, stamps)
+
+
+def _camera_of(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:
+    if recording is not None and camera.calibration.startswith("/") and camera.calibration in recording.topics:
+        return camera_in(recording, camera.calibration)
+    topics = () if recording is None else (camera.tags or camera.images,)
+    return read_camera(folder / camera.calibration, camera.calibration_name, topics)
+
+
 def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> Seen:
     """A robot whose recording is a video, or a folder of images."""
     path = folder / entry.recording
@@ -72,13 +103,8 @@ def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: 
                 path=path,
                 field="robot.camera.images",
             )
-        known = read_camera(folder / camera.calibration, camera.calibration_name)
-        stamps = read_stamps(folder / camera.stamps) if camera.stamps else None
-        if is_video(path):
-            pictures = pictures_of_video(path, camera.rate_hz, None if stamps is None else stamps[1])
-        else:
-            pictures = pictures_of_folder(path, camera.images, camera.rate_hz, stamps)
-        looks.append(_look(entry, camera, known, pictures, looking, progress))
+        known = _camera_of(camera, folder, None)
+        looks.append(_look(entry, camera, known, _pictures_in_files(path, camera, folder), looking, progress))
     return Seen(
         entry,
         None,
