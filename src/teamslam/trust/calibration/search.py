@@ -24,6 +24,7 @@ from teamslam.trust.calibration.slipping import Scores
 from teamslam.trust.calibration.slips import SLIPS, Slips
 
 SWEEPS, SETTLED = 2, 0.02  # how many at most, until scales change by less than this share
+SLIPPING = 0.02  # that a slip comes in of odometry that does not, where something else is wrong
 FALSE_ALARM = 0.01  # that any scale is changed of a team whose sigmas are right
 
 Kind = tuple[str, str, int]
@@ -56,7 +57,7 @@ class Search:
         """All sweeps, or the first alone where it shows nothing wrong; the last fit."""
         fit = self._fit(tempered=False)  # every systematic error is let in
         both = self._left(fit)
-        self._resize(both)
+        self._resize(both, by_chance(FALSE_ALARM / len(SLIPS)))
         if any((self.scales[k] < 1.0).any() for members in self.kinds.values() for k in members):
             self.unseen = hidden(fit, self.now, self.kinds, np.random.default_rng(1))  # by the noise as it is stated
             self.scales = self._seen(self.scales)
@@ -67,6 +68,8 @@ class Search:
             fit = fit.chosen()
             if not fit.inside:
                 return fit
+        self.theta = np.zeros(len(SLIPS))  # errors that hang together may pass for slips until it is known how they do
+        self._move()
         self._settle(None)
         self._settle(self._fit().chosen().choice)
         return self._fit().chosen()
@@ -76,7 +79,7 @@ class Search:
         for _ in range(SWEEPS if choice else 1):
             theta, scales = self.theta, self.scales
             fit = self._fit(tempered=False, choice=choice)
-            self._resize(self._left(fit))
+            self._resize(self._left(fit), by_chance(SLIPPING))
             self._move()
             changes = [np.abs(np.log(new / old)).max() for new, old in zip(self.scales, scales, strict=True)]
             if max(changes) < SETTLED and not (self.theta.any() or theta.any()):
@@ -106,10 +109,10 @@ class Search:
                     parts[k] = hanging(parts[k], self.linear.tables[k], self.linear.names, held)
         return np.concatenate([part.reshape(-1, part.shape[-1]) for part in parts])
 
-    def _resize(self, both: Sequence[Array]) -> None:
-        """Scales and slips one step nearer to where draws leave as much as is left."""
+    def _resize(self, both: Sequence[Array], chance: float) -> None:
+        """Scales and slips one step nearer to where draws leave as much as is left; a slip comes in where it stands out
+        by more than `chance`."""
         self.left = [part[..., :1] for part in both]
-        chance = by_chance(FALSE_ALARM / len(SLIPS) / (SWEEPS + 2))
         self.theta = Scores.of(self.slips, self.now, both).step(self.theta, chance)
         self.scales = self._seen(self._scales(both))
 

@@ -17,7 +17,7 @@ from teamslam.trust.calibration.sizes import LEAST
 from teamslam.trust.calibration.slips import SLIPS, Slips
 
 ROUNDING = 1e-6
-MOST = 4.0  # times as large or as small, in one step
+MOST = 4.0  # times as large, in one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +46,9 @@ class Scores:
         return cls(score, stated, rows)
 
     def step(self, theta: Array, chance: float) -> Array:
-        """Theta (slips,) one step on, by (Q - mean) / variance of the draws: half of Fisher's scoring, as scales move
-        as well; by at most MOST times. A slip that is not in comes in, all the way, where its score stands out by more
-        than `chance` deviations of the draws."""
+        """Theta (slips,) one step of Fisher's scoring on, 2 (Q - mean) / variance of the draws; half of it upwards, as
+        scales move as well, and to MOST times at most. A slip that is not in comes in, all the way, where its score
+        stands out by more than `chance` deviations of the draws."""
         if not self.rows:
             return theta
         drawn = self.squares[:, 1:]
@@ -57,5 +57,5 @@ class Scores:
         pace = beyond / np.maximum(spread**2, 1e-300)
         begun = np.minimum(2.0 * pace, self.rows / np.maximum(self.stated, 1e-300))
         enters = beyond > ROUNDING * expected + chance * spread
-        moved = np.clip(theta + pace, theta / MOST, theta * MOST)
+        moved = np.clip(theta + np.where(pace < 0.0, 2.0, 1.0) * pace, 0.0, theta * MOST)
         return np.where(theta > 0.0, moved, np.where(enters, begun, 0.0))
