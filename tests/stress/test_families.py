@@ -7,6 +7,7 @@ from stress.verdict import judge
 CURED = {
     7000007: "microns beside metres: a join that crept along a valley as narrow as its sharpest sigma",
     7000057: "two pits of a loss in one valley: said to be two places of a landmark",
+    8000000: "one bent valley: said to be two places of a landmark, by the ridge on the straight way between",
     7000065: "a landmark beside a sensor: ranges from all around that were said to come from one line",
     1000074: "a landmark that was in the way: it stayed out though the optimum of the rest holds it",
     7000124: "ground and air: bodies among weak directions were looked for without end",

@@ -23,6 +23,7 @@ HELD = 0.5  # the largest share of its distance by which a landmark may be uncer
 ROUNDING = 1e-14  # of the largest information on a place: less is none
 STEPS = 8  # of the refinement: quadratic near the answer
 SAME = 1e-6  # of a cost: what two places of a landmark may differ by and still be mirrors of each other
+STILL = 1e6  # of the information: how stiffly a place is held that may only move across
 MOST = 40  # sightings of one landmark that are looked at; more would not tell more of its place
 
 
@@ -139,17 +140,21 @@ class Bundle:
         down = np.where(has[:, None], foot - (side * rise)[:, None] * off, places)
         return np.stack([up, down])
 
-    def refined(self, proposals: Array) -> tuple[Array, Array, Array]:
+    def refined(self, proposals: Array, across: Array | None = None) -> tuple[Array, Array, Array]:
         """From each proposal (k, n, d) the nearest optimum of each landmark by itself, its cost (k, n), and the
-        information on it (k, n, d, d)."""
+        information on it (k, n, d, d); or the nearest of those places that lie across a direction `across` (n, d)."""
         k, n, d = proposals.shape
         rays = [each.repeated(k, n) for each in self.rays]
         places, damping = proposals.reshape(k * n, d), np.full(k * n, 1e-3)
+        still = (
+            np.zeros((k * n, d, d)) if across is None else np.tile(across[:, :, None] * across[:, None, :], (k, 1, 1))
+        )
         cost, gradient, information = _linearised(rays, places)
         for _ in range(STEPS):
             scale = np.trace(information, axis1=1, axis2=2) / d + 1e-300
             damped = information + (damping * scale)[:, None, None] * np.eye(d)
-            tried = places + np.linalg.solve(damped, gradient[..., None])[..., 0]
+            step = np.linalg.solve(damped + STILL * scale[:, None, None] * still, gradient[..., None])
+            tried = places + (step - still @ step)[..., 0]
             cost_tried, gradient_tried, information_tried = _linearised(rays, tried)
             better = cost_tried < cost
             damping = np.where(better, 0.1 * damping, 10.0 * damping)
@@ -158,12 +163,6 @@ class Bundle:
             information = np.where(better[:, None, None], information_tried, information)
             cost = np.where(better, cost_tried, cost)
         return places.reshape(k, n, d), cost.reshape(k, n), information.reshape(k, n, d, d)
-
-    def costs(self, places: Array) -> Array:
-        """What the sightings of each landmark cost (k, n) at places (k, n, d)."""
-        k, n, d = places.shape
-        cost, _, _ = _linearised([each.repeated(k, n) for each in self.rays], places.reshape(k * n, d))
-        return cost.reshape(k, n)
 
     def holds(self, places: Array, information: Array) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance."""

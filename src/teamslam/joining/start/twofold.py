@@ -18,7 +18,7 @@ SETTLED = 1e-4  # of cost: a place from which refinements of a few steps lead no
 REFINEMENTS = 50  # at most: along a valley that bends two proposals of one place are long apart
 NONE = np.zeros(0, np.int64)
 NEAR = 9.0  # of cost: a place within three sigmas of another is the same
-WALL = 2.25  # of cost: what lies between two mirrored places that are six sigmas apart; losses dig lesser pits
+WALL = 2.25  # of cost: the pass between two mirrored places that are six sigmas apart; losses dig lesser pits
 STEPS = 16  # from one place to another, between which that is looked for
 
 
@@ -78,10 +78,13 @@ def _of_kind(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind)
 
 
 def _walls(bundle: Bundle, here: Array, there: Array) -> Array:
-    """How much more than either of two places (n, d) the dearest between them costs (n,): little where both lie in one
+    """How much more than either of two places (n, d) the pass between them costs (n,): the dearest of places on the way
+    from one to the other, each as low as it lies across that way, since valleys are bent. Little where both lie in one
     long valley, and the landmark has one place that is known badly."""
+    way = there - here
     shares = np.linspace(0.0, 1.0, STEPS + 1)[:, None, None]
-    costs = bundle.costs(here + shares * (there - here))
+    lengths = np.linalg.norm(way, axis=-1, keepdims=True)
+    _, costs, _ = bundle.refined(here + shares * way, across=way / np.maximum(lengths, 1e-300))
     return np.asarray(costs.max(0) - np.maximum(costs[0], costs[-1]))
 
 
