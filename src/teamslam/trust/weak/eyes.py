@@ -30,6 +30,7 @@ class Eye:
         """The sightings `keys` (m, 2) as it would make them without noise, of what it can see of them."""
         blank = np.zeros((len(keys), self.like.values.shape[1]))
         table = replace(self.like, keys=keys, values=blank, ids=np.arange(len(keys)))
+        table = table.select(np.flatnonzero(_can_name(table, values)))
         table = table.select(np.flatnonzero(self.in_view(table, values)))
         return replace(table, values=table.predict(values))
 
@@ -38,7 +39,7 @@ class Eye:
         seen = _seen(table, values)
         distance = np.linalg.norm(seen, axis=-1)
         ahead = seen[:, 0] >= self.cosine * distance - 1e-9 * self.reach
-        return np.asarray((distance > 0.0) & (distance <= self.reach * SLACK) & ahead & _can_name(table, values))
+        return np.asarray((distance > 0.0) & (distance <= self.reach * SLACK) & ahead)
 
 
 def eyes_of(tables: Sequence[Table], values: Values) -> list[Eye]:
@@ -73,10 +74,13 @@ def _eye(table: Table, sees_robots: bool, values: Values) -> Eye:
 
 
 def _can_name(table: Table, values: Values) -> BoolArray:
-    """Whether rows (m,) may be of what they name: those of the plane see no pose in space and measure none from it."""
-    in_space = values.layout.kinds[values.layout.index(table.keys)] == Kind.POSE3
+    """Whether rows (m,) may be of what they name: those of the plane see no pose in space and measure none from it, and
+    those that tell how a target is turned are of none that is but a point."""
+    kinds = values.layout.kinds[values.layout.index(table.keys)]
+    in_space = kinds == Kind.POSE3
     in_space[:, 0] &= table.row.targets_pose
-    return np.asarray((table.dim == 3) | ~in_space.any(1))
+    of_points = (kinds[:, -1] > Kind.POSE3) & table.sees_turns
+    return np.asarray(((table.dim == 3) | ~in_space.any(1)) & ~of_points)
 
 
 def _seen(table: Table, values: Values) -> Array:
