@@ -66,8 +66,10 @@ def log(rotation: Array) -> Array:
 def hat(w: Array) -> Array:
     """The skew matrix W with W p = w x p: (..., 3) -> (..., 3, 3)."""
     x, y, z = w[..., 0], w[..., 1], w[..., 2]
-    zero = np.zeros_like(x)
-    return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], -2)
+    out = np.zeros((*w.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
 
 
 def right_jacobian(w: Array) -> Array:

@@ -11,7 +11,7 @@ what was known of it and counts nothing twice. So work is bounded by how many la
 mission; and as it begins anew from the map wherever a submap closes (`outlook`), its linearisations do not grow old.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -89,7 +89,7 @@ class Order:
 class Filter:
     """The robot's pose and landmarks about it, written in the frame `frame` (a pose's key, or WORLD).
 
-    `order`, `state` as `Values` has it in that order, `covariance` (n, n) over its unknowns.
+    `order`, `state` as `Values` has it in that order, `covariance` (n, n) over its unknowns, symmetric to rounding.
     """
 
     frame: int
@@ -125,7 +125,8 @@ class Filter:
     def pose_covariance(self) -> Array:
         """Its covariance in the chart of `geometry.pose`."""
         n = self.kind.dof
-        return self.covariance[:n, :n]
+        found = self.covariance[:n, :n]
+        return np.asarray(0.5 * (found + found.T))
 
     # --- moving ---------------------------------------------------------------------------------------------------
 
@@ -219,9 +220,8 @@ class Filter:
             known: BoolArray = np.full(len(targets), self.frame == WORLD) & (targets == self.key)
             places = np.zeros(1, np.int64)
         else:
-            known = np.fromiter((int(k) in self.order.place for k in targets), bool, len(targets))
-            marks = np.unique(targets[known])
-            places = np.array([0, *(self.order.place[k] for k in marks.tolist())])
+            at = [self.order.place.get(key, 0) for key in targets.tolist()]
+            known, places = np.array(at, bool), np.array(sorted({0, *at}))
         if not known.any():
             return self
         return self._updated(table if known.all() else table.select(known), places)
@@ -240,15 +240,16 @@ class Filter:
                 return self
             if not (np.isfinite(g).all() and np.isfinite(H).all()):
                 return self
-            gain = np.linalg.solve(eye + H @ P_ss, np.column_stack([H, g + H @ moved]))
+            gain = np.linalg.solve(eye + H @ P_ss, np.concatenate([H, (g + H @ moved)[:, None]], 1))
             shift = P_s @ gain[:, -1]
             state = self.order.retract(self.state, shift)
             ahead, moved = shift[columns] - moved, shift[columns]
             if not self._turned(ahead, places):
                 break
         inner = gain[:, :-1]
-        covariance = self.covariance - P_s @ (0.5 * (inner + inner.T)) @ P_s.T
-        return replace(self, state=state, covariance=0.5 * (covariance + covariance.T))
+        covariance = P_s @ (0.5 * (inner + inner.T)) @ P_s.T
+        np.subtract(self.covariance, covariance, out=covariance)  # in place: what is made of n^2 numbers takes its time
+        return Filter(self.frame, self.order, state, covariance)
 
     def _turned(self, ahead: Array, places: IntArray) -> bool:
         """Whether a movement turns the sight of some variables by more than a little."""

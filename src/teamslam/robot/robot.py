@@ -73,6 +73,10 @@ class Counts:
     repeated: int = 0
     late: int = 0
 
+    def with_more(self, taken: int = 0, repeated: int = 0, late: int = 0) -> "Counts":
+        """These and more."""
+        return Counts(self.taken + taken, self.repeated + repeated, self.late + late)
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -140,7 +144,7 @@ class Robot:
         counts = Counts(taken=sum(len(batch.table) for batch in known))
         robot = replace(self, open=known, newest=newest, counts=counts).close()
         closed = tuple(replace(p, version=(versions or {}).get(p.number, 0)) for p in robot.closed)
-        return replace(robot, closed=closed, trail=along((), robot.open, robot._pace))
+        return replace(robot, closed=closed, trail=along((), robot.open, robot._pace(newest)))
 
     # --- stepping -------------------------------------------------------------------------------------------------
 
@@ -155,7 +159,9 @@ class Robot:
 
     def _take(self, batch: Batch) -> "Robot":
         if batch.time != ALWAYS and batch.time < self.settled:
-            return self._counted(late=len(batch.table))
+            return replace(self, counts=self.counts.with_more(late=len(batch.table)))
+        if self.since is not None and batch.earliest >= self.since:  # as nearly always: what is closed is not touched
+            return self._go_on(batch)
         robot = self
         for number, part in divided(batch, [piece.end for piece in self.closed]):
             robot = robot._reopen(number, part) if number < len(self.closed) else robot._go_on(part)
@@ -163,30 +169,26 @@ class Robot:
 
     def _go_on(self, batch: Batch) -> "Robot":
         fresh, again = not_yet(self.open, batch)
-        robot = self._counted(taken=len(fresh.table), repeated=again)
+        counts = self.counts.with_more(taken=len(fresh.table), repeated=again)
         if not len(fresh.table):
-            return robot
+            return replace(self, counts=counts)
         rows, newest = inserted(self.open, fresh), max(self.newest, fresh.time)
-        robot = replace(robot, open=rows, newest=newest, took=(*self.took, fresh.table))
-        return replace(robot, trail=with_row(self.trail, rows, fresh, robot._pace))
+        trail = with_row(self.trail, rows, fresh, self._pace(newest))
+        return replace(self, open=rows, newest=newest, counts=counts, took=(*self.took, fresh.table), trail=trail)
 
     def _reopen(self, number: int, batch: Batch) -> "Robot":
         piece = self.closed[number]
         fresh, again = not_yet(piece.rows, batch)
-        robot = self._counted(taken=len(fresh.table), repeated=again)
+        counts = self.counts.with_more(taken=len(fresh.table), repeated=again)
         if not len(fresh.table):
-            return robot
+            return replace(self, counts=counts)
         newer = replace(piece, rows=inserted(piece.rows, fresh), version=piece.version + 1)
         closed = (*self.closed[:number], newer, *self.closed[number + 1 :])
-        return replace(robot, closed=closed, took=(*self.took, fresh.table))
+        return replace(self, closed=closed, counts=counts, took=(*self.took, fresh.table))
 
-    def _counted(self, taken: int = 0, repeated: int = 0, late: int = 0) -> "Robot":
-        n = self.counts
-        return replace(self, counts=Counts(n.taken + taken, n.repeated + repeated, n.late + late))
-
-    @property
-    def _pace(self) -> Pace:
-        return Pace(self.head.robots[self.number], self.options.landmarks, self.settled, self.horizon)
+    def _pace(self, newest: int) -> Pace:
+        horizon = self.horizon
+        return Pace(self.head.robots[self.number], self.options.landmarks, newest - horizon, horizon)
 
     # --- closing --------------------------------------------------------------------------------------------------
 
@@ -234,4 +236,4 @@ class Robot:
             part for batch in (*(b for rows in later for b in rows), *self.open)
             for number, part in divided(batch, [start.key]) if number
         ]  # fmt: skip
-        return replace(self, trail=along((begun_with(start),), sorted(rows, key=rank_of), self._pace))
+        return replace(self, trail=along((begun_with(start),), sorted(rows, key=rank_of), self._pace(self.newest)))

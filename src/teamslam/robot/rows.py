@@ -35,6 +35,11 @@ class Batch:
     table: Table
 
     @cached_property
+    def earliest(self) -> int:
+        """The first pose that its rows were taken from (`taken_from`)."""
+        return int(taken_from(self.table).min())
+
+    @cached_property
     def rank(self) -> Rank:
         """Its place in the order."""
         return (self.time, not self.moves, self.channel, int(self.table.ids[0]))
