@@ -61,7 +61,7 @@ def write_frames(found: Sequence[Reprojected], team: TeamFile, folder: Path, out
 def _write(image: AnyArray, sightings: Reprojected, path: Path) -> None:
     cv2 = opencv()
     drawn = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_GRAY2BGR)
-    larger = max(1, 1200 // max(drawn.shape[1], 1))
+    larger = max(1, round(1280 / max(drawn.shape[1], 1)))
     drawn = cv2.resize(drawn, None, fx=larger, fy=larger, interpolation=cv2.INTER_NEAREST)
     for tag, seen, mapped, off in zip(
         sightings.tags.tolist(), sightings.seen, sightings.mapped, sightings.off, strict=True
