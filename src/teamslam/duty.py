@@ -9,7 +9,7 @@
 
     [steps]                         teamslam.robot.Options: poses_per_piece, heading_sigma, horizon_s, landmarks
     [team]                          with it the robot is one of a team; see `Team`
-    [habits]                        teamslam.robot.peer.Habits: rate, announce_s, patience_s, largest
+    [habits]                        teamslam.robot.peer.Habits: rate, budget, announce_s, patience_s, largest
 
 Paths are from the folder of the file. What is given on the command line wins.
 """

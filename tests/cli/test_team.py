@@ -67,3 +67,12 @@ def test_links_that_cannot_be_are_refused(
 def test_where_no_robot_wrote_there_is_no_status(teamslam, tmp_path: Path) -> None:
     called = teamslam("status", tmp_path)
     assert called.code == 2 and "no robot has written one" in called.err
+
+
+def test_a_budget_is_kept_on_each_line_and_what_is_lacked_is_told(teamslam, log: Path, tmp_path: Path) -> None:
+    called = teamslam("team", log, "--out", tmp_path / "out", "--poses-per-piece", 9, "--in-memory", "--budget", 6000)
+    assert called.code == 1 and "some lack what others hold" in called.err
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert all(0 < link["body_bytes"] <= 6000 for link in report["links"])
+    assert any(link["withheld"] for link in report["links"])
+    assert any(robot["missing"] for robot in report["robots"].values())

@@ -198,4 +198,39 @@ def test_a_list_holds_all_that_is_lacked_and_little_of_what_both_hold(mine: set[
     lacked = {e.digest for e in b.listing.entries} - {e.digest for e in a.listing.entries}
     assert lacked <= {e.digest for e in told.entries} <= {e.digest for e in b.listing.entries}
     assert mine != theirs or not told.entries
-    assert b.beside(()) == b.listing
+    assert b.beside(()).entries == b.listing.entries and b.beside(()).root == b.root
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(100, 60_000), st.integers(0, 100), st.floats(0.0, 0.4))
+def test_no_line_carries_more_than_its_budget_and_what_is_held_is_what_came(
+    budget: int, seed: int, loss: float
+) -> None:
+    peers = {robot: Peer(robot, Habits(budget=budget)).with_submaps(SUBMAPS[robot]) for robot in ROBOTS}
+    air = Air(Weather(loss, most_s=0.5), seed)
+    links = {robot: air.link(robot) for robot in ROBOTS}
+    for tick in range(240):
+        air.tick(float(tick))
+        for robot in ROBOTS:
+            peers[robot], out = peers[robot].step(float(tick), links[robot].receive())
+            for packet in out:
+                links[robot].send(packet.to, packet.data)
+    lines = {(a, b): line.sent for a, peer in peers.items() for b, line in peer.lines.items() if b != EVERYONE}
+    to_all = {a: peer.lines[EVERYONE].sent.bytes for a, peer in peers.items()}
+    assert all(sent.bytes <= budget for sent in lines.values())
+    assert {line: sent.bytes + to_all[line[0]] for line, sent in lines.items()} == air.carried
+    whole = all(peer.held == OFFLINE for peer in peers.values())
+    assert whole or any(sent.withheld for sent in lines.values())
+
+
+def test_what_both_know_is_not_told_again_and_again() -> None:
+    """A robot that waits for bodies asks for no list that it has: of what the other holds it knows all."""
+    peer, other = Peer(1, Habits(patience_s=1.0)), Peer(2).with_submaps(SUBMAPS[2])
+    asks = 0
+    for tick in range(100):
+        peer, out = peer.step(float(tick), [(2, to_bytes(Have(other.root)))])
+        said = [from_bytes(packet.data) for packet in out]
+        asks += sum(isinstance(packet, Ask) for packet in said)
+        if any(isinstance(packet, Ask) for packet in said):
+            peer, _ = peer.step(float(tick), [(2, to_bytes(other.beside(())))])
+    assert asks == 1 and len(peer.missing) == len(SUBMAPS[2])

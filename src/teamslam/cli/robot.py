@@ -27,6 +27,7 @@ def robot(
     certificates: Path | None = None,
     members: Annotated[tuple[int, ...], Parameter(converter=whole, consume_multiple=True, negative="")] = (),
     rate: float | None = None,
+    budget: float | None = None,
     events: Path | None = None,
     format: str | None = None,
 ) -> int:
@@ -81,6 +82,8 @@ def robot(
         The numbers of the robots that it listens to, where there are certificates.
     rate
         How many bytes of submaps a second it sends to each other robot. By default all that it is asked for.
+    budget
+        How many bytes it sends to each other robot in all: what is worth most goes first. By default any number.
     events
         A file that what happens is added to, a JSON object a line.
     format
@@ -98,7 +101,7 @@ def robot(
     )  # fmt: skip
     where = {"name": team, "listen": listen, "connect": connect or None, "certificates": certificates}
     duty = replace(
-        duty, steps=steps.over(duty.steps), habits=told(duty.habits, {"rate": rate}),
+        duty, steps=steps.over(duty.steps), habits=told(duty.habits, {"rate": rate, "budget": budget}),
         team=told(duty.team, where | {"members": members or None}),
     )  # fmt: skip
     if duty.log is None or duty.out is None:

@@ -11,6 +11,7 @@ from teamslam.cli.steps import NONE, Steps
 if TYPE_CHECKING:
     from teamslam.model import Dataset, Submap
     from teamslam.robot import Options
+    from teamslam.robot.peer import Habits
 
 
 def team(
@@ -24,6 +25,7 @@ def team(
     twice: float = 0.0,
     line_rate: float | None = None,
     rate: float | None = None,
+    budget: float | None = None,
     seed: Whole = 0,
     in_memory: bool = False,
     speed: float | None = None,
@@ -62,6 +64,8 @@ def team(
         How many bytes a second a line between two robots carries, in memory. By default any number.
     rate
         How many bytes of submaps a second a robot sends to each other. By default all that it is asked for.
+    budget
+        How many bytes a robot sends to each other in all: what is worth most goes first. By default any number.
     seed
         Of what becomes of packets.
     in_memory
@@ -86,7 +90,7 @@ def team(
 
     refuse_to_overwrite(out, replace=None)
     options = steps.over(Options())
-    weather, habits = Weather(loss, twice, 0.0, delay, line_rate), Habits(rate=rate)
+    weather, habits = Weather(loss, twice, 0.0, delay, line_rate), Habits(rate=rate, budget=budget)
     dataset = read(log, format=format)
     sockets = not (in_memory or weather != Weather())
     if not sockets and (speed is not None or kill):
@@ -95,7 +99,7 @@ def team(
             "--twice and --line-rate"
         )
     if sockets:
-        report, parts = _in_processes(log, dataset, options, out, speed, kill, seed, format)
+        report, parts = _in_processes(log, dataset, options, habits, out, speed, kill, seed, format)
     else:
         found = fleet(dataset, options, habits=habits, weather=weather, seed=seed)
         report, joined = report_of(dataset, found, options)
@@ -125,6 +129,7 @@ def _in_processes(
     log: Path,
     dataset: "Dataset",
     options: "Options",
+    habits: "Habits",
     out: Path,
     speed: float | None,
     kill: int,
@@ -135,9 +140,10 @@ def _in_processes(
     from teamslam.cli.convoy import convoy
     from teamslam.results.fleet import report_of_folders
 
+    rates = (("rate", habits.rate), ("budget", habits.budget), ("speed", speed))
     extra = ["--landmarks", str(options.landmarks), "--horizon", str(options.horizon_s)]
     for name, value in (("poses-per-piece", options.poses_per_piece), ("heading-sigma", options.heading_sigma),
-                        ("speed", speed), ("format", format)):  # fmt: skip
+                        *rates, ("format", format)):  # fmt: skip
         extra += [f"--{name}", str(value)] if value is not None else []
     numbers = [robot for robot in sorted(dataset.robots) if dataset.of_robot(robot).tables]
     statuses = convoy(log, dataset, numbers, out, extra, kill, seed)

@@ -7,7 +7,8 @@ components        parts of the team map;   missing, refused: what robots know of
 robot_position_rmse_m, landmark_rmse_m      of the first part of the team map, against the truth
 online_position_rmse_m                      of the poses told at the time, aligned robot by robot
 alone             the same two of each robot with nothing but its own log
-links             bytes from whom to whom: bodies of submaps, and all else; those that were lost count
+links             bytes from whom to whom: bodies of submaps, and all else; those that were lost count;   withheld:
+                  packets that would have been more than the budget
 """
 
 import csv
@@ -94,6 +95,7 @@ def links_of(found: Fleet, names: Names) -> list[dict[str, Any]]:
                     "bodies": sent.bodies if sent else 0,
                     "body_bytes": sent.body_bytes if sent else 0,
                     "word_bytes": sum(s.word_bytes for s in (sent, to_all) if s),
+                    "withheld": sent.withheld if sent else 0,
                     "carried_bytes": found.carried.get((a, b), 0),
                 }
             )
@@ -181,6 +183,7 @@ def report_of_folders(
                 "to": other,
                 "bodies": sent["bodies"],
                 "body_bytes": sent["body_bytes"],
+                "withheld": sent["withheld"],
                 "word_bytes": sent["word_bytes"] + status["links"].get("all", {}).get("word_bytes", 0),
             }
             for name, status in statuses.items()

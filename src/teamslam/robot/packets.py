@@ -56,9 +56,10 @@ class Ask(msgspec.Struct, frozen=True, tag="ask", array_like=True, forbid_unknow
 
 
 class List(msgspec.Struct, frozen=True, tag="list", array_like=True, forbid_unknown_fields=True):
-    """What a robot holds: all, or what is on some shelves."""
+    """What a robot holds: all, or what is on some shelves; and what names all that it holds."""
 
     entries: Annotated[tuple[Entry, ...], msgspec.Meta(max_length=MANY)]
+    root: Digest | None = None
 
 
 class Want(msgspec.Struct, frozen=True, tag="want", array_like=True, forbid_unknown_fields=True):

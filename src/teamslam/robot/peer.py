@@ -50,15 +50,17 @@ REASONS, OTHERWISE = 100, "for other reasons"  # why packets were refused: so ma
 @dataclass(frozen=True)
 class Habits:
     """How often a robot tells what it holds [s], how long it waits for an answer [s], how many bytes of bodies it sends
-    to each other robot [a second; None: all that is asked for], and how large a packet it takes [bytes]."""
+    to each other robot [a second; None: all that is asked for], how large a packet it takes [bytes], and how many bytes
+    it sends to each other robot in all [None: any number]; what it tells to all at once does not count there."""
 
     announce_s: float = 1.0
     patience_s: float = 3.0
     rate: float | None = None
     largest: int = 64 << 20
+    budget: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("announce_s", "patience_s", "rate", "largest"):
+        for name in ("announce_s", "patience_s", "rate", "largest", "budget"):
             found = getattr(self, name)
             if found is not None and not 0 < found < float("inf"):
                 raise InputError(f"a number above 0 is needed, found {found}", field=name)
@@ -74,12 +76,19 @@ class Outgoing:
 
 @dataclass(frozen=True)
 class Sent:
-    """What went to one robot: packets and bytes of bodies, and of all else."""
+    """What went to one robot: packets and bytes of bodies, and of all else; and how many packets did not go, because
+    they would have been more than the budget."""
 
     bodies: int = 0
     body_bytes: int = 0
     words: int = 0
     word_bytes: int = 0
+    withheld: int = 0
+
+    @property
+    def bytes(self) -> int:
+        """In all."""
+        return self.body_bytes + self.word_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +111,12 @@ class Content:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """What a robot knows of its line to another: when it last asked for the list, what the other holds that was lacked
-    then, the bodies that the other waits for, when the next may go, and how many of its packets were `refused`."""
+    """What a robot knows of its line to another: when it last asked for the list; what the last list was of
+    (`listed`, a root), and what of it was lacked then; the bodies that the other waits for, when the next
+    may go, and how many of its packets were `refused`."""
 
     asked_s: float = -1e300
+    listed: bytes | None = None
     lists: tuple[Entry, ...] = ()
     waiting: tuple[bytes, ...] = ()
     free_s: float = 0.0
@@ -154,9 +165,9 @@ class Peer:
         """What it holds on the shelves that are not the same elsewhere. So what words cost is what is new, not what
         both hold already."""
         if len(shelves) != len(self.shelves):
-            return self.listing
+            return List(self.listing.entries, self.root)
         differ = {n for n, (mine, theirs) in enumerate(zip(self.shelves, shelves, strict=True)) if mine != theirs}
-        return List(tuple(e for e in self.listing.entries if shelf_of(e.id) in differ))
+        return List(tuple(e for e in self.listing.entries if shelf_of(e.id) in differ), self.root)
 
     @cached_property
     def missing(self) -> tuple[Entry, ...]:
@@ -252,21 +263,20 @@ class Peer:
         for turn in (_asking, _sending, _telling):
             peer, said = turn(peer, now_s)
             out += said
-        packets = [Outgoing(to, to_bytes(packet)) for to, packet in out]
-        return peer._booked(out, packets), packets
+        return peer._spending(out)
 
     def _heard(self, now_s: float, sender: int, packet: Packet) -> tuple["Peer", list[tuple[int, Packet]]]:
         line = self.lines.get(sender, Line())
         match packet:
             case Have(root):
-                if root == self.root or now_s - line.asked_s < self.habits.patience_s:
+                if root in (self.root, line.listed) or now_s - line.asked_s < self.habits.patience_s:
                     return self._on(sender, line), []
                 return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask(self.shelves))]
             case Ask(shelves):
                 return self._on(sender, line), [(sender, self.beside(shelves))]
-            case List(entries):
+            case List(entries, root):
                 lacked = tuple(e for e in entries if e.digest not in self.bodies and self._news(e))
-                return self._on(sender, replace(line, lists=lacked, asked_s=-1e300)), []
+                return self._on(sender, replace(line, lists=lacked, listed=root, asked_s=-1e300)), []
             case Want(digests):
                 more = tuple(d for d in digests if d in self.bodies and d not in line.waiting)
                 return self._on(sender, replace(line, waiting=line.waiting + more)), []
@@ -286,18 +296,22 @@ class Peer:
             return self
         return replace(self, lines=MappingProxyType({**self.lines, sender: line}))
 
-    def _booked(self, out: Sequence[tuple[int, Packet]], packets: Sequence[Outgoing]) -> "Peer":
-        """With what was said written down for each line."""
-        peer = self
-        for (to, packet), outgoing in zip(out, packets, strict=True):
-            line, size = peer.lines.get(to, Line()), len(outgoing.data)
-            s = line.sent
-            if isinstance(packet, Body):
-                s = replace(s, bodies=s.bodies + 1, body_bytes=s.body_bytes + size)
+    def _spending(self, out: Sequence[tuple[int, Packet]]) -> tuple["Peer", list[Outgoing]]:
+        """What is said, as far as each line's budget goes, and the peer with it written down."""
+        peer, packets = self, list[Outgoing]()
+        for to, packet in out:
+            data, line = to_bytes(packet), peer.lines.get(to, Line())
+            s, size = line.sent, len(data)
+            if self.habits.budget is not None and to != EVERYONE and s.bytes + size > self.habits.budget:
+                s = replace(s, withheld=s.withheld + 1)
             else:
-                s = replace(s, words=s.words + 1, word_bytes=s.word_bytes + size)
+                packets.append(Outgoing(to, data))
+                if isinstance(packet, Body):
+                    s = replace(s, bodies=s.bodies + 1, body_bytes=s.body_bytes + size)
+                else:
+                    s = replace(s, words=s.words + 1, word_bytes=s.word_bytes + size)
             peer = peer._on(to, replace(line, sent=s))
-        return peer
+        return peer, packets
 
 
 Said = tuple[Peer, list[tuple[int, Packet]]]
