@@ -12,6 +12,7 @@ CURED = {
     1000074: "a landmark that was in the way: it stayed out though the optimum of the rest holds it",
     7000124: "ground and air: bodies among weak directions were looked for without end",
     7000160: "sigmas far apart: a pose was said to be open whose pivot is lost in rounding",
+    9000018: "tilted tags among robots of the ground: a frame that was no rotation",
 }
 
 

@@ -43,14 +43,14 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class _Shared:
-    """What two outlines share: places and orientations in both, and the variances of their differences."""
+    """What two outlines share: places in both, `turns` (n, d, d) from how it stands in one to how in the other, and the
+    variances of their differences."""
 
     source: Array
     target: Array
     variances: Array
     oriented: BoolArray
-    source_turns: Array
-    target_turns: Array
+    turns: Array
     turn_variances: Array
 
     def spread(self, count: int) -> "_Shared":
@@ -63,8 +63,8 @@ class _Shared:
         """d^2 of every shared thing under each of some frames: (frames, things)."""
         moved = frames[:, None].act(self.source[None])
         squared = np.sum((moved - self.target) ** 2, -1) / self.variances
-        turns = np.swapaxes(frames.rotation[:, None] @ self.source_turns[self.oriented], -1, -2)
-        angle2 = np.sum(rotations(frames.dim).log(turns @ self.target_turns[self.oriented]) ** 2, -1)
+        back = np.swapaxes(frames.rotation[:, None], -1, -2)
+        angle2 = np.sum(rotations(frames.dim).log(back @ self.turns[self.oriented]) ** 2, -1)
         squared[:, self.oriented] += angle2 / self.turn_variances[self.oriented]
         return np.asarray(squared)
 
@@ -74,8 +74,8 @@ class _Shared:
             self.source,
             self.target,
             trust / self.variances,
-            source_rotations=self.source_turns[self.oriented],
-            target_rotations=self.target_turns[self.oriented],
+            source_rotations=np.broadcast_to(np.eye(self.source.shape[1]), self.turns[self.oriented].shape),
+            target_rotations=self.turns[self.oriented],
             # |R - R'|_F^2 is twice the squared angle.
             rotation_weights=0.5 * (trust / self.turn_variances)[self.oriented],
         ).pose
@@ -97,8 +97,8 @@ def link(cluster: Outline, chain: Outline, planar: bool) -> Link:
         cluster.places[mine][:, :dim],
         chain.variances[theirs] + cluster.variances[mine] + PLACE_SIGMA**2,
         chain.oriented[theirs] & cluster.oriented[mine],
-        chain.turns[theirs][:, :dim, :dim],
-        cluster.turns[mine][:, :dim, :dim],
+        # Of what is tilted in both, such as a tag on a wall, the turn from one to the other is one of the ground.
+        Pose(cluster.turns[mine] @ np.swapaxes(chain.turns[theirs], -1, -2), cluster.places[mine]).onto(dim).rotation,
         chain.turn_variances[theirs] + cluster.turn_variances[mine] + TURN_SIGMA**2,
     )
     found = _settle(keys, shared, _elect(shared, concatenate([_by_all(shared), _by_poses(shared), _by_points(shared)])))
@@ -121,7 +121,7 @@ def _by_all(shared: _Shared) -> Pose:
 def _by_poses(shared: _Shared) -> Pose:
     poses = np.flatnonzero(shared.oriented)
     poses = poses[np.unique(np.linspace(0, len(poses) - 1, PROPOSALS).astype(int))] if len(poses) else poses
-    turn = shared.target_turns[poses] @ np.swapaxes(shared.source_turns[poses], -1, -2)
+    turn = shared.turns[poses]
     return Pose(turn, shared.target[poses] - (turn @ shared.source[poses][..., None])[..., 0])
 
 
