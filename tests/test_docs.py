@@ -1,5 +1,6 @@
 """The pages name every format, sensor, loss and command that there is, and link only to what exists."""
 
+import doctest
 import re
 import sys
 from itertools import pairwise
@@ -86,6 +87,19 @@ def test_every_threat_names_tests_that_exist() -> None:
     for line in guarded:
         named = re.findall(r"`(test_\w+)`", line.split("|")[3])
         assert named and known.issuperset(named), line
+
+
+def test_examples_of_the_api_give_what_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sessions of docs/api.md, one after another."""
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(
+        r"^```pycon\n(.*?)^```$", (ROOT / "docs" / "api.md").read_text(encoding="utf-8"), re.DOTALL | re.M
+    )
+    session = doctest.DocTestParser().get_doctest("\n".join(blocks), {}, "docs/api.md", "docs/api.md", 0)
+    report: list[str] = []
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    runner.run(session, out=report.append)
+    assert len(blocks) > 10 and not runner.failures, "".join(report)
 
 
 def links(page: Path) -> list[tuple[str, str, str]]:

@@ -101,10 +101,11 @@ def test_what_lives_in_the_kernel_refuses_to_be_copied(way: str) -> None:
         COPIES[way](Analysis(BlockPattern.from_pairs([2, 2], [0], [1])))
 
 
-def test_frozen_means_frozen(records: list[Any]) -> None:
-    """No field can be set or deleted; estimates, tables and answers cannot be written into."""
-    sealed = (ts.Values, ts.Table, ts.Dataset, type(ts.Values.of({}).layout))
-    for found in records:
+@pytest.mark.parametrize("way", ["as it is", *COPIES])
+def test_frozen_means_frozen(records: list[Any], way: str) -> None:
+    """No field can be set or deleted; estimates, poses, tables, maps and answers cannot be written into; nor copies."""
+    sealed = (ts.Values, ts.Table, ts.Dataset, ts.Pose, type(ts.Values.of({}).layout))
+    for found in map(COPIES.get(way, lambda record: record), records):
         if not dataclasses.is_dataclass(found):
             continue
         for field in dataclasses.fields(found):
@@ -115,6 +116,19 @@ def test_frozen_means_frozen(records: list[Any]) -> None:
             value = vars(found).get(field.name)
             if isinstance(value, np.ndarray) and (isinstance(found, sealed) or "answers" in type(found).__module__):
                 assert not value.flags.writeable, (type(found), field.name)
+            if isinstance(found, ts.Submap) and sp.issparse(getattr(found, field.name)):
+                matrix = getattr(found, field.name)
+                assert not any(part.flags.writeable for part in (matrix.data, matrix.indices, matrix.indptr))
+
+
+@pytest.mark.parametrize("way", ["as it is", *COPIES])
+def test_who_is_in_a_team_cannot_be_changed(way: str) -> None:
+    log = COPIES.get(way, lambda record: record)(team("2d", poses=4))
+    before = dict(log.robots)
+    for change in (lambda d: d.update({9: 2}), lambda d: d.pop(1), lambda d: d.__setitem__(9, 3), lambda d: d.clear()):
+        with pytest.raises(TypeError, match="frozen"):
+            change(log.robots)
+    assert log.robots == before and {**log.robots, 9: 2} == log.robots | {9: 2}
 
 
 def test_making_a_record_does_not_freeze_what_it_was_made_of() -> None:

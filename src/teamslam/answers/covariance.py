@@ -9,7 +9,7 @@ import numpy as np
 from teamslam.answers.columns import AXES, POSE_ERRORS, UNITS, Columns, Tabular, dataframe
 from teamslam.answers.maps import Maps, found_in, frame_of
 from teamslam.errors import ModelError, in_words
-from teamslam.geometry import Array, Pose, seal
+from teamslam.geometry import Array, Pose, Sealed, seal
 from teamslam.model import Asked, Kind, Submap, key_asked
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class JointCovariance(Tabular):
+class JointCovariance(Sealed, Tabular):
     """The joint covariance of several variables: `matrix` (n, n), each of its rows and columns called in `labels`, such
     as 'landmark door x_m'. Of `things`, `sizes` says how many numbers each has.
 
@@ -66,7 +66,7 @@ class JointCovariance(Tabular):
 
 
 @dataclass(frozen=True, eq=False)
-class Relative:
+class Relative(Sealed):
     """A thing as seen from a pose: `position` (d,) [m] in the observer's body, forward first; `pose`, where the target
     is one; `covariance` (n, n) of [dT, dw] or of the position alone."""
 

@@ -8,12 +8,12 @@ import numpy as np
 from teamslam.answers.columns import AXES, Columns, Tabular, covariance_columns, place_columns
 from teamslam.answers.maps import Maps, found_in, frame_of
 from teamslam.errors import ModelError, in_words
-from teamslam.geometry import Array, IntArray, Pose, seal
+from teamslam.geometry import Array, IntArray, Pose, Sealed, seal
 from teamslam.model import Asked, Kind, Submap, index_of, landmark_asked, nearest, region_of
 
 
 @dataclass(frozen=True, eq=False)
-class Landmark:
+class Landmark(Sealed):
     """One landmark: `position` (d,) [m] and its `covariance` (d, d) in the frame of the map; `pose`, where its
     orientation was measured (a tag). `component` is its map, counted from 1."""
 
@@ -47,7 +47,7 @@ class Landmark:
 
 
 @dataclass(frozen=True, eq=False)
-class Landmarks(Tabular):
+class Landmarks(Sealed, Tabular):
     """All landmarks of a team: `names` (n), `positions` (n, d) [m], `covariances` (n, d, d), each in the frame of its
     component, `components` (n,), counted from 1. Ones of the plane among those of space lie at height 0.
 

@@ -10,14 +10,14 @@ import numpy as np
 from teamslam.answers.columns import Columns, Tabular
 from teamslam.answers.maps import Maps
 from teamslam.errors import in_words
-from teamslam.geometry import Array, IntArray, seal
+from teamslam.geometry import Array, IntArray, Sealed, seal
 from teamslam.model import Names, Submap, Table, index_of, is_landmark, is_pose, robot_of
 
 LANDMARK = "landmark "  # what a target that is one begins with
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class Residuals(Sealed):
     """m rows of one sensor of one robot in one component, as residuals.csv has them: `whitened` (m, r); `stamp_s` (m,)
     is nan where there is none; `target` (m,) is a place in `targets`."""
 

@@ -13,12 +13,12 @@ from teamslam.answers.columns import (
 )
 from teamslam.answers.maps import Maps, blocks_lifted, frame_of, poses_at, robot_found
 from teamslam.errors import in_words
-from teamslam.geometry import Array, Pose, seal
+from teamslam.geometry import Array, Pose, Sealed, seal
 from teamslam.model import Asked
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(Tabular):
+class Trajectory(Sealed, Tabular):
     """The poses of one robot in time order, the base pose among them where it is the robot's.
 
     `stamps_s` (n,) [s], or counts where poses are only counted; `poses` (n,) body to map; `covariances`

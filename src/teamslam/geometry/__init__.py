@@ -1,7 +1,7 @@
 """Rotations, poses and rigid fits, for any batch shape, in the plane and in space."""
 
 from teamslam.geometry.align import Fit, align
-from teamslam.geometry.arrays import AnyArray, Array, BoolArray, IntArray, seal
+from teamslam.geometry.arrays import AnyArray, Array, BoolArray, FrozenDict, IntArray, Sealed, read_only, seal
 from teamslam.geometry.earth import Anchor
 from teamslam.geometry.pose import Pose, concatenate, directions, lift_points, lift_tangent, rotations
 from teamslam.geometry.s2 import direction_basis
@@ -12,14 +12,17 @@ __all__ = [
     "Array",
     "BoolArray",
     "Fit",
+    "FrozenDict",
     "IntArray",
     "Pose",
+    "Sealed",
     "align",
     "concatenate",
     "direction_basis",
     "directions",
     "lift_points",
     "lift_tangent",
+    "read_only",
     "rotations",
     "seal",
 ]

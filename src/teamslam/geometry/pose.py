@@ -19,7 +19,7 @@ import numpy as np
 
 from teamslam.errors import ModelError
 from teamslam.geometry import s1, s2, so2, so3
-from teamslam.geometry.arrays import Array, IntArray
+from teamslam.geometry.arrays import Array, IntArray, Sealed, seal
 
 
 def rotations(dim: int) -> ModuleType:
@@ -38,7 +38,7 @@ def directions(dim: int) -> ModuleType:
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(Sealed):
     """Rigid body poses: `rotation` (..., d, d), `translation` (..., d) [m], body to world, d = 2 or 3."""
 
     rotation: Array
@@ -51,6 +51,7 @@ class Pose:
                 f"found {self.rotation.shape} and {self.translation.shape}"
             )
         rotations(self.dim)
+        seal(self, "rotation", "translation")
 
     def __repr__(self) -> str:
         if self.batch:
@@ -247,4 +248,4 @@ def concatenate(poses: list[Pose]) -> Pose:
 
 
 def _apply(matrix: Array, vector: Array) -> Array:
-    return np.asarray((matrix @ vector[..., None])[..., 0])
+    return np.asarray((matrix @ np.asarray(vector)[..., None])[..., 0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from teamslam.cards import card
 from teamslam.errors import ModelError
-from teamslam.geometry import IntArray
+from teamslam.geometry import FrozenDict, IntArray
 from teamslam.model.keys import Names, is_landmark, is_pose, robot_of
 from teamslam.model.layout import Kind, Layout, point_kind, pose_kind
 from teamslam.model.losses import Loss
@@ -48,6 +48,8 @@ class Dataset:
     origin: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robots, FrozenDict):
+            object.__setattr__(self, "robots", FrozenDict(self.robots))
         for table in self.tables:
             strangers = set(np.unique(robot_of(table.keys[is_pose(table.keys)])).tolist()) - set(self.robots)
             if strangers:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, BoolArray, IntArray, seal
+from teamslam.geometry import AnyArray, BoolArray, IntArray, Sealed, seal
 
 
 class Kind(IntEnum):
@@ -74,7 +74,7 @@ def among(keys: int | AnyArray, rising: IntArray) -> BoolArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class Layout(Sealed):
     """Which variables, of which kind, in which order: sorted by kind, then by key. Keys are unique."""
 
     keys: IntArray  # (n,)

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from teamslam.cards import card
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, read_only
 from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
 from teamslam.model.layout import pose_kind
 from teamslam.model.tables import Table
@@ -89,6 +89,17 @@ class Sources(frozenset[Stretch]):
                 start = merged.pop()[2]
             merged.append((robot, source, start, stop))
         return Sources(Stretch(*row) for row in merged)
+
+
+def frozen(matrix: sp.csr_array) -> sp.csr_array:
+    """The same matrix, not to be written into; whoever made it may still write."""
+    parts = (matrix.data, matrix.indices, matrix.indptr)
+    if not any(part.flags.writeable for part in parts):
+        return matrix
+    out = sp.csr_array(matrix.shape, dtype=matrix.dtype)
+    out.data, out.indices, out.indptr = map(read_only, parts)
+    out.has_sorted_indices, out.has_canonical_format = matrix.has_sorted_indices, matrix.has_canonical_format
+    return out
 
 
 class Made:
@@ -173,10 +184,13 @@ class Submap:
             raise ModelError(
                 f"submap {self.id}: {n} unknowns need an information matrix ({n}, {n}), found {information.shape}"
             )
-        return information
+        return frozen(information)
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"information": self.information}  # what makes it does not travel
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state | {"information": frozen(state["information"])})
 
     @property
     def dof(self) -> int:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, seal
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, Sealed, lift_points, seal
 from teamslam.model.keys import is_landmark, is_pose, robot_of
 from teamslam.model.layout import Kind, Layout
 from teamslam.model.losses import SQUARED, Loss
@@ -22,7 +22,7 @@ from teamslam.model.values import Values
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class Table(Sealed):
     """m sightings of one model by one robot.
 
     `keys` (m, 2) observer then target (m, 1 for `position` and `pose`); `values` (m, size) as MODELS says; `whitening`

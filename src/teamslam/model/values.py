@@ -11,12 +11,12 @@ import numpy as np
 
 from teamslam.cards import card
 from teamslam.errors import ModelError
-from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, seal
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, Sealed, seal
 from teamslam.model.layout import KIND_SIZE, Kind, Layout, rows_of
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
+class Values(Sealed):
     """An estimate: a layout and its state vector. All frames alike: the one that the owner states."""
 
     layout: Layout

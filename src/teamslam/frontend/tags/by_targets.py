@@ -158,7 +158,7 @@ class _Search:
         return self.poses[[before]] @ self.reckoned[[before]].between(self.reckoned[[frame]])
 
     def _put_frame(self, frame: int, pose: Pose) -> None:
-        self.poses.rotation[frame], self.poses.translation[frame] = pose.rotation[0], pose.translation[0]
+        self.poses = _with(self.poses, frame, pose)
         self.has_pose[frame] = True
 
     def _place_frame(self, frame: int) -> bool:
@@ -187,7 +187,7 @@ class _Search:
         tried = self.poses[self.looks.frame[rows[which]]] @ seen
         best = tried[[int(np.argmin(self._votes(rows, tried, from_frame=False)))]]
         place = self._refined(rows, best, from_frame=False)
-        self.places.rotation[mark], self.places.translation[mark] = place.rotation[0], place.translation[0]
+        self.places = _with(self.places, mark, place)
         self.has_place[mark] = True
 
     def _votes(self, rows: IntArray, tried: Pose, *, from_frame: bool) -> Array:
@@ -241,3 +241,10 @@ def _groups(of: IntArray, count: int) -> list[IntArray]:
     """The places of each number 0..count-1 in an array."""
     order = np.argsort(of, kind="stable")
     return np.split(order, np.searchsorted(of[order], np.arange(1, count)))
+
+
+def _with(poses: Pose, place: int, one: Pose) -> Pose:
+    """The poses with another one (a batch of one) at a place."""
+    rotation, translation = poses.rotation.copy(), poses.translation.copy()
+    rotation[place], translation[place] = one.rotation[0], one.translation[0]
+    return Pose(rotation, translation)

@@ -39,7 +39,7 @@ def _composed(stack: Stack, rows: IntArray, parent: IntArray, start: IntArray, d
     place[rows] = np.arange(len(rows))
     up = np.where(parent[rows] >= 0, place[parent[rows]], -1)
     poses = Pose.identity(dim, (len(rows),))
-    rotation, translation = poses.rotation, poses.translation
+    rotation, translation = poses.rotation.copy(), poses.translation.copy()
     below, kind = np.flatnonzero(up >= 0), pose_kind(dim)
     steps = unpack(stack.state[start[rows[below], None] + np.arange(kind.size)], kind)
     assert isinstance(steps, Pose)
