@@ -9,7 +9,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 COMMAND = re.compile(
-    r"^ *teamslam [a-z]+|(?<=`)teamslam [a-z]+|(?:python|pytest) (?:benchmarks|examples|tests)/[\w/]+\.py|make [a-z]+",
+    r"^ *teamslam [a-z]+|(?<=`)teamslam [a-z]+|make [a-z]+|scripts/[a-z]+"
+    r"|(?:python|pytest) (?:benchmarks|examples|tests)/[\w/]+\.py",
     re.MULTILINE,
 )
 FIGURE = re.compile(r"(?<![\w.-])\d[\d,]*\.\d+(e[-+]?\d+)?(?![\w.])")
@@ -50,7 +51,7 @@ def test_commands_that_pages_name_are_there(page: Path) -> None:
 
     known = {name for name in app if not name.startswith("-")}
     for command in commands(page.read_text(encoding="utf-8")):
-        program, name = command.split()[-2:]
+        program, name = f"run {command}".split()[-2:]
         assert (name in known) if program == "teamslam" else program == "make" or (ROOT / name).exists(), command
 
 

@@ -44,6 +44,9 @@ class Sighting:
     after: Array
     sentence: str
 
+    def __repr__(self) -> str:
+        return f"Sighting({self.sentence})"
+
     @property
     def table(self) -> Table:
         """The sighting as a row, without noise: the model's own prediction."""
