@@ -40,7 +40,8 @@ class Team:
 
 @dataclass(frozen=True)
 class Duty:
-    """What one robot is to do. `events`: a file of what happened, a JSON object a line."""
+    """What one robot is to do. `events`: a file of what happened, a JSON object a line; `view`: the port of a live map
+    in the browser of this machine."""
 
     log: Path | None = None
     out: Path | None = None
@@ -50,6 +51,7 @@ class Duty:
     resume: bool = False
     format: str | None = None
     events: Path | None = None
+    view: int | None = None
     steps: Options = field(default_factory=Options)
     team: Team = field(default_factory=Team)
     habits: Habits = field(default_factory=Habits)

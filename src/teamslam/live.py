@@ -10,7 +10,7 @@ import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from time import monotonic, sleep
 
@@ -27,13 +27,14 @@ Round = tuple[Atlas, Filter | None]
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """The robot after a step: the pose of now, the submaps that were finished since the step before, and of pieces that
-    gave none, why."""
+    """The robot after a step: the pose of now, the submaps that were finished since the step before, of pieces that
+    gave none, why, and all that was made so far."""
 
     robot: Robot
     now: Estimate | None
     submaps: tuple[Submap, ...] = ()
     unbuilt: tuple[str, ...] = ()
+    atlas: Atlas = field(default_factory=Atlas)
 
 
 def replayed(log: Dataset, robot: int) -> Iterator[tuple[float, list[Table]]]:
@@ -119,10 +120,10 @@ def drive(
         if robot.due:
             robot = robot.close()
         robot, finished = mapper.attend(robot)
-        yield Moment(robot, robot.now, finished)
+        yield Moment(robot, robot.now, finished, atlas=mapper.atlas)
     robot = robot.finish()
     finished = mapper.finish(robot)
-    yield Moment(robot, None, finished, mapper.atlas.unbuilt)
+    yield Moment(robot, None, finished, mapper.atlas.unbuilt, mapper.atlas)
 
 
 class Mapper:

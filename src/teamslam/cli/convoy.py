@@ -26,6 +26,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     """One robot among its team until it is ended; it goes on from its journal where there is one."""
     from teamslam.beside import Beside
     from teamslam.cli.console import complain
+    from teamslam.cli.driving import Shown
     from teamslam.convoy import Driver
     from teamslam.events import Events
     from teamslam.fleet import Member
@@ -57,7 +58,10 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         start = begun(dataset, robot, duty.steps, memory)
         link = stack.enter_context(closing(ZenohLink(address)))
 
+        shown = stack.enter_context(closing(Shown(duty.view)))
+
         def report(driver: Driver) -> None:
+            shown.show(driver.member.robot.now, driver.member.mapper.atlas, robot)
             for now in driver.member.told:
                 poses.add(now)
             driver.member.told.clear()  # they are in the file

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from teamslam.errors import InputError
     from teamslam.io.plain.lines import Lines
     from teamslam.model import Dataset, Names, Table
-    from teamslam.robot import Robot
+    from teamslam.robot import Atlas, Estimate, Robot
     from teamslam.robot.journal import Memory
 
 QUIET_S = 0.02  # without rows, before something else is done
@@ -60,6 +60,37 @@ class Source:
         return None if lines is None else lambda: lines.names
 
 
+class Shown:
+    """The live map of a robot, where one is wanted: it is drawn anew when the robot's map is another."""
+
+    def __init__(self, port: int | None) -> None:
+        from teamslam.cli.console import say
+
+        self._live, self._known = None, object()
+        if port is not None:
+            from teamslam.viewer.live import LiveMap
+
+            self._live = LiveMap(port)
+            say(f"live map: {self._live.address}")
+
+    def show(self, now: "Estimate | None", atlas: "Atlas", robot: int) -> None:
+        """What is known now."""
+        if self._live is None:
+            return
+        if atlas is not self._known:
+            self._known, made = atlas, atlas.joined
+            if made is not None:
+                parts = [part.map for part in made.components]
+                self._live.show(next((part for part in parts if robot in part.robots_in_it), parts[0]))
+        if now is not None:
+            self._live.at(now)
+
+    def close(self) -> None:
+        """End it."""
+        if self._live is not None:
+            self._live.close()
+
+
 def alone(duty: "Duty", source: Source) -> int:
     """A robot that drives alone, until its rows end."""
     from teamslam.beside import Beside
@@ -88,6 +119,7 @@ def alone(duty: "Duty", source: Source) -> int:
         Journal(out / "journal.db", head_of(log, number)) as journal,
         PoseFile(out / "poses.csv", log.names, log.robots[number]) as poses,
         Beside() if duty.in_real_time else nullcontext() as beside,
+        closing(Shown(duty.view)) as shown,
     ):
         memory = journal.recall()
         start = begun(log, number, duty.steps, memory)
@@ -95,6 +127,7 @@ def alone(duty: "Duty", source: Source) -> int:
         arrivals = paced(rows, duty.speed)
         for moment in drive(start, arrivals, executor=beside, journal=journal, names=source.names):
             poses.add(moment.now)
+            shown.show(moment.now, moment.atlas, number)
             for submap in moment.submaps:
                 write_submap(submap, out / "submaps" / file_name(submap))
                 events.tell("submap", id=submap.id, version=submap.version)

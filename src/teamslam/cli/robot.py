@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from teamslam.cli.numbers import whole
+from teamslam.cli.numbers import MaybeWhole, whole
 from teamslam.cli.steps import NONE, Steps
 
 
@@ -29,6 +29,7 @@ def robot(
     rate: float | None = None,
     budget: float | None = None,
     events: Path | None = None,
+    view: MaybeWhole = None,
     format: str | None = None,
 ) -> int:
     """Map while driving: rows come from stdin as they are measured, or a robot's log is played as if they came now.
@@ -86,6 +87,8 @@ def robot(
         How many bytes it sends to each other robot in all: what is worth most goes first. By default any number.
     events
         A file that what happens is added to, a JSON object a line.
+    view
+        The port of a live map in the browser of this machine: http://127.0.0.1:PORT.
     format
         The format of the log, where it cannot be told from its looks.
     """
@@ -96,8 +99,8 @@ def robot(
 
     duty: Duty = told(
         read_duty(config) if config is not None else Duty(),
-        {"log": log, "out": out, "robot": robot, "lines": lines, "resume": resume, "events": events, "format": format,
-         "speed": speed},
+        {"log": log, "out": out, "robot": robot, "lines": lines, "resume": resume, "events": events, "view": view,
+         "format": format, "speed": speed},
     )  # fmt: skip
     where = {"name": team, "listen": listen, "connect": connect or None, "certificates": certificates}
     duty = replace(
