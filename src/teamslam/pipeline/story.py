@@ -77,7 +77,10 @@ def run(
         if calibration:  # each row is judged by the deviation that it has alone
             log = calibration.put_right(log, weigh=False)
             at = _at(log, joined)
-        trust = assess(log, submaps if suspects else (), joined, at, known=suspected, stage=clock.start)
+        trust = assess(
+            log, submaps if suspects else (), joined, at, known=suspected,
+            rejecting=config.trust.reject, probability=config.trust.wrong, stage=clock.start,
+        )  # fmt: skip
         joined = with_plain_reasons(joined, trust.verdict)
         costs = [part.cost for part in trust.verdict.parts] or [cost_of(c.map, log.tables) for c in joined.components]
         clock.start("covariances")

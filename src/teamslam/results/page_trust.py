@@ -93,7 +93,7 @@ def _of_names(found: Report) -> list[str]:
 
 def _rejected(report: Report) -> Iterator[Table]:
     found = report.get("rejected")
-    if found is None or not found["count"]:
+    if found is None or not found.get("rows"):
         return
     sensors = [
         [s["robot"], s["source"], f"{s['rejected']:,}", f"{s['rows']:,}", f"{s['rejected'] / s['rows']:.1%}",
@@ -101,7 +101,8 @@ def _rejected(report: Report) -> Iterator[Table]:
         for s in found["sensors"] if s["rejected"]
     ]  # fmt: skip
     heads = ("robot", "sensor", "wrong", "of", "share", "noise of the others")
-    yield Table("Wrong sightings", heads, sensors, "Noise: times the stated standard deviation.", bars=2)
+    done = "Left out." if found.get("left_out", True) else "Left as they are; run with --reject to leave them out."
+    yield Table("Wrong sightings", heads, sensors, f"{done} Noise: times the stated standard deviation.", bars=2)
     worst = sorted(found["rows"], key=lambda row: -_sigmas(row))[:MOST_REJECTED]
     rows = [
         [row["robot"], row["source"], "-" if row["stamp_s"] is None else f"{row['stamp_s']:.3f}", row["target"],

@@ -34,12 +34,14 @@ Its fields:
     left_out                       what went in and is in no map, each with `kind` (piece, poses, landmark, rows),
                                    `what` it is, how many `poses`, `landmarks` and `rows` are lost with it, and the
                                    `reason`
-    rejected                       where wrong sightings were looked for: the `count` of those left out, `of` how many;
+    rejected                       sightings that look wrong: the `count` of them, `of` how many, and whether they were
+                                   `left_out`; `sentences` alone where a glance at the residuals counts them, and where
+                                   the map does not fit, or they were to be left out, also what follows:
                                    by sensor how many, the probability that one is `wrong`, and by how much the `noise`
                                    of the others is larger than stated, in variance; `open`, landmarks that a robot's
                                    sightings put in two places, and nobody decides; each of the `rows`, with its
-                                   `weight` (0), its `squared` residual in sigmas and the `gate` on it; the same in
-                                   `sentences`; null where nobody looked
+                                   `weight` (0 where left out), its `squared` residual in sigmas and the `gate` on it;
+                                   the same in `sentences`; null where none looks wrong
     suspicions                     `labels`, names of landmarks that lie, each with its `kind` (exchanged, mistaken,
                                    apart), the `robot`, the landmarks `one` and `other`, the natural logarithm of its
                                    `odds`, and the robots that it may be `instead`; `mistaken`, robots that one takes
@@ -81,7 +83,7 @@ from teamslam.joining import Component, Cost
 from teamslam.metrics import Report
 from teamslam.model import Dataset, LeftOut, index_of, is_landmark, robot_of
 from teamslam.pipeline import Result
-from teamslam.results.suspects import rejected_of, suspicions_of
+from teamslam.results.suspects import suspicions_of, wrong_of
 from teamslam.trust import Verdict, sentence
 from teamslam.trust.calibration import sentences
 from teamslam.trust.weak import Weak
@@ -118,7 +120,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "components": len(components),
         "reasons": list(result.joined.reasons),
         "left_out": [_left_out(lost) for lost in result.joined.left_out],
-        "rejected": None if result.decisions is None else rejected_of(result.decisions, dataset),
+        "rejected": wrong_of(result),
         "suspicions": None
         if result.suspicions is None
         else suspicions_of(result.suspicions, mended=result.config.trust.repair),

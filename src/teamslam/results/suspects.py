@@ -5,11 +5,29 @@ from typing import Any
 import numpy as np
 
 from teamslam.model import Dataset, index_of, is_pose
+from teamslam.pipeline import Result
 from teamslam.trust import Decisions, Suspicions, sentences_on_sightings
 
 
-def rejected_of(found: Decisions, log: Dataset) -> dict[str, Any]:
-    """The sightings that were left out, each with why."""
+def wrong_of(result: Result) -> dict[str, Any] | None:
+    """The sightings that look wrong, left out or not; None where there are none."""
+    if result.decisions is not None:
+        return _decided(result.decisions, result.dataset, left_out=True)
+    wrong = result.trust.wrong
+    if wrong is None or not wrong.glance:
+        return None
+    if wrong.decisions is not None and wrong.log is not None:
+        return _decided(wrong.decisions, wrong.log, left_out=False)
+    return {
+        "count": sum(glance.wrong for glance in wrong.glance),
+        "of": sum(len(table) for table in result.dataset.tables if table.source != "odometry"),
+        "left_out": False,
+        "sentences": list(wrong.sentences()),
+    }
+
+
+def _decided(found: Decisions, log: Dataset, *, left_out: bool) -> dict[str, Any]:
+    """The sightings that are wrong, each with why."""
     names = found.names
     rows = []
     for table, mask, squared, gates in zip(log.tables, found.inliers, found.squared, found.gates, strict=True):
@@ -22,7 +40,7 @@ def rejected_of(found: Decisions, log: Dataset) -> dict[str, Any]:
                     "row": int(table.ids[row]),
                     "stamp_s": float(names.stamps_s(np.array(observer))) if is_pose(observer) else None,
                     "target": names.describe(int(table.keys[row, -1])),
-                    "weight": 0.0,
+                    "weight": 0.0 if left_out else 1.0,
                     "squared": float(squared[row]),
                     "gate": float(gates[row]),
                 }
@@ -30,6 +48,7 @@ def rejected_of(found: Decisions, log: Dataset) -> dict[str, Any]:
     return {
         "count": found.rejected,
         "of": sum(sensor.rows for sensor in found.sensors),
+        "left_out": left_out,
         "sensors": [
             {
                 "robot": names.robot(sensor.robot),

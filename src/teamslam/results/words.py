@@ -56,8 +56,12 @@ def _rejected(found: Report | None) -> Rows:
     """How many sightings were wrong, and whose."""
     if found is None:
         return []
-    total = f"{found['count']:,} of {counted(found['of'], 'sighting')}, left out"
-    return [("wrong", total), *(("", sentence) for sentence in found["sentences"])]
+    total = f"{found['count']:,} of {counted(found['of'], 'sighting')}"
+    if found.get("left_out", True):
+        return [("wrong", f"{total}, left out"), *(("", sentence) for sentence in found["sentences"])]
+    sure = "are wrong" if "rows" in found else "look wrong at this map"
+    done = "left as they are; --reject finds them and leaves them out"
+    return [("wrong", f"{total} {sure}, {done}"), *(("", sentence) for sentence in found["sentences"])]
 
 
 def _suspicions(found: Report | None) -> Rows:

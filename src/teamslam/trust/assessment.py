@@ -1,6 +1,7 @@
 """How far a map is to be believed: the one door by which a run asks.
 
     verdict      how well the map fits the log, and what a misfit looks like
+    wrong        the sightings that look wrong; of a map that does not fit, those that are
     suspicions   names of landmarks that lie, robots that contradict the others
     weak         of each component what it does not know, and what it knows least; where that is something, which
                  sightings would firm it up, once somebody asks
@@ -9,13 +10,16 @@ All of it, and how exact a join is, reads the log at the map as it was linearise
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap, Joined
 from teamslam.model import Dataset, Submap, Table
+from teamslam.trust.cause import Cause
 from teamslam.trust.fit import Verdict, verdict
+from teamslam.trust.outliers.glance import Wrong, looks_wrong
+from teamslam.trust.outliers.words import LARGER
 from teamslam.trust.suspicions import Suspicions, suspicions
 from teamslam.trust.weak import Weak, knowledge_at, weakest_of
 from teamslam.trust.weak.eyes import eyes_of
@@ -25,12 +29,14 @@ from teamslam.trust.weak.sightings import Sighting, look_next
 @dataclass(frozen=True, eq=False)
 class Assessment:
     """What speaks for a map and against it. `suspicions` are None where nobody looked; `weak` has one for each
-    component, None where its measurements do not determine it; `tables` the rows that are in each."""
+    component, None where its measurements do not determine it; `tables` the rows that are in each; `wrong` which of
+    these look wrong, None where such were left out already."""
 
     verdict: Verdict
     suspicions: Suspicions | None
     weak: tuple[Weak | None, ...]
     tables: tuple[Sequence[Table], ...] = field(default=(), repr=False)
+    wrong: Wrong | None = None
 
     @cached_property
     def sightings(self) -> tuple[tuple[Sighting, ...], ...]:
@@ -52,21 +58,40 @@ def assess(
     at: Sequence[AtMap],
     *,
     known: Suspicions | None = None,
+    rejecting: bool = False,
+    probability: float | None = None,
     stage: Callable[[str], None] = lambda name: None,
 ) -> Assessment:
     """How far the map of a log is to be believed; `at`: the log at each component's map.
 
     `submaps`: what it was joined of; without any (full least squares) nobody is suspected. `known`: suspicions that
-    there were before the log was changed. `stage` hears what is looked at next.
+    there were before the log was changed. `rejecting`: wrong sightings were left out of the log; where not,
+    `probability` is that one is wrong (None: by the data). `stage` hears what is looked at next.
     """
     stage("verdict on the fit")
     judged = verdict(log, joined, at)
+    wrong = None
+    if not rejecting:
+        fits = not judged.gross or any(cause.is_mistake for cause in judged.causes)
+        wrong = looks_wrong(log, judged.rows, fits=fits, probability=probability)
+        judged = _told_by(judged, wrong)
     suspected = known
     if known is None and submaps:
         stage("suspicions")
         suspected = suspicions(log, submaps, joined)
     stage("weak directions")
-    return Assessment(judged, suspected, tuple(map(_weak, at)), tuple(each.tables for each in at))
+    return Assessment(judged, suspected, tuple(map(_weak, at)), tuple(each.tables for each in at), wrong)
+
+
+def _told_by(judged: Verdict, wrong: Wrong) -> Verdict:
+    """A verdict in which wrong sightings that were found stand for what noise would explain instead."""
+    found = wrong.decisions
+    if found is None or any(sensor.noise >= LARGER for sensor in found.sensors):
+        return judged
+    robots = tuple(sorted({sensor.robot for sensor in found.sensors if sensor.rejected}))
+    said = f"{found.rejected:,} sightings are wrong, and noise as stated explains the others; --reject leaves them out"
+    cause = Cause("outliers", said, 1.0, robots)
+    return replace(judged, causes=(cause, *(c for c in judged.causes if c.kind not in ("sigma", "outliers"))))
 
 
 def _weak(at: AtMap) -> Weak | None:

@@ -142,3 +142,21 @@ def test_options_that_make_no_sense() -> None:
         TrustOptions(wrong=0.1)
     config = Config(trust=TrustOptions(reject=True, wrong=0.2, repair=True))
     assert config_from(to_table(config)) == config
+
+
+@pytest.mark.parametrize("space", ["2d", "planar"])
+def test_no_landmark_is_lost_that_some_robot_saw_rightly_three_times(space: str) -> None:
+    """Though another's only look at it was wrong, and drew it away."""
+
+    def log(landmarks: float, robots: float) -> Dataset:
+        kind = Robot(landmarks=Sensor(outliers=landmarks), robots=Sensor("relative_pose", every=5, outliers=robots))
+        return simulate(Options(space=space, robots=4, team=(kind,)), 3)
+
+    clean, seen = log(0.0, 0.0), log(0.1, 0.2)
+    found = wrong_sightings(seen)
+    kept = {key for table in found.kept(seen).tables for key in table.keys[:, -1].tolist()}
+    for table, before in zip(seen.tables, clean.tables, strict=True):
+        if table.source == "landmarks":
+            marks, times = np.unique(table.keys[(table.values == before.values).all(1), 1], return_counts=True)
+            assert {int(mark) for mark in marks[times >= 3]} <= kept
+    assert found.undecided == 0

@@ -7,8 +7,9 @@
                how many are wrong and how large the noise is
 
 A robot that took a ghost for a landmark, because most of its sightings agreed on it, is outvoted by the others; one
-that rejected a right sighting gets it back. Odometry is trusted. What comes out is a mask of rows: the map is then made
-of the rest as if the others had never been, so its covariances count only what was kept.
+that rejected a right sighting gets it back. A landmark of which nothing would be left is given to the robot that saw
+it most often, by its own evidence, and decided on again from there. Odometry is trusted. What comes out is a mask of
+rows: the map is then made of the rest as if the others had never been, so its covariances count only what was kept.
 """
 
 from collections.abc import Sequence
@@ -91,7 +92,8 @@ def wrong_sightings(log: Dataset, *, probability: float | None = None) -> Decisi
     Rows whose variables no map holds are taken for right. Raises SolveError where nothing can be mapped at all.
     """
     log = log.with_tables(t if t.source == "odometry" else t.with_loss(SQUARED) for t in log.tables)
-    masks, open_ = _alone(log)
+    alone, open_ = _alone(log)
+    masks = alone
     sensors: tuple[Sensor, ...] = ()
     ends = tuple(np.full(len(t), np.nan) for t in log.tables)
     gates_ = ends
@@ -99,6 +101,7 @@ def wrong_sightings(log: Dataset, *, probability: float | None = None) -> Decisi
         joined = _joined(log, masks)
         before = masks
         masks, ends, gates_, sensors = _together(log, joined, masks, probability)
+        masks = _with_lost_ones(log, masks, alone)
         if all(np.array_equal(a, b) for a, b in zip(before, masks, strict=True)):
             break
     unknown = sum(int(np.isnan(s).sum()) for s, t in zip(ends, log.tables, strict=True) if t.source != "odometry")
@@ -227,6 +230,23 @@ def _sensor(table: Table, inliers: BoolArray, squared: Array, probability: float
 
 
 # --- the team ---------------------------------------------------------------------------------------------------------
+
+
+def _with_lost_ones(log: Dataset, masks: Sequence[BoolArray], alone: Sequence[BoolArray]) -> tuple[BoolArray, ...]:
+    """Masks that leave of every landmark something: of one that lost all of its rows those that were right by the robot
+    `alone` that has most of them."""
+    target = [np.where(is_landmark(table.keys[:, -1]), table.keys[:, -1], NONE) for table in log.tables]
+    kept = np.unique(np.concatenate([keys[mask] for keys, mask in zip(target, masks, strict=True)]))
+    found = [np.array(mask) for mask in masks]
+    for mark in np.setdiff1d(np.unique(np.concatenate(target)), kept).tolist():
+        votes: dict[int, int] = {}
+        for table, keys, own in zip(log.tables, target, alone, strict=True):
+            votes[table.robot] = votes.get(table.robot, 0) + int((own & (keys == mark)).sum())
+        most = max(votes, key=lambda robot: (votes[robot], -robot))
+        for n, table in enumerate(log.tables):
+            if table.robot == most:
+                found[n] |= alone[n] & (target[n] == mark)
+    return tuple(found)
 
 
 def _joined(log: Dataset, masks: Sequence[BoolArray]) -> Joined:

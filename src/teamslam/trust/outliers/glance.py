@@ -1,0 +1,87 @@
+"""Which sightings look wrong at a map that was made of all of them: a look at residuals that are there already.
+
+Each sensor's gate (`gates`) is found as where sightings are rejected: noise by the median of its residuals, the share
+that is wrong by what is beyond the gate, in turn. A map that wrong sightings bend hides some of them, and throws doubt
+on right ones: of few that are wrong this counts several times as many. So nothing is left out by it; `decide` finds
+which are wrong, with the map made anew.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from teamslam.errors import TeamslamError
+from teamslam.model import Dataset, Names
+from teamslam.trust.cause import rows_called
+from teamslam.trust.outliers.decide import Decisions, wrong_sightings
+from teamslam.trust.outliers.gates import gates, noise_of, share_wrong
+from teamslam.trust.outliers.words import sentences_on_sightings
+from teamslam.trust.residuals import Rows
+
+ROUNDS = 3
+LONG = 20_000  # sightings of a log that are looked at once only
+
+
+@dataclass(frozen=True)
+class Glance:
+    """Of so many `rows` of one sensor of a robot, so many look `wrong`."""
+
+    robot: int
+    source: str
+    rows: int
+    wrong: int
+
+
+def at_a_glance(residuals: Sequence[Rows]) -> tuple[Glance, ...]:
+    """The sensors of which sightings look wrong, by what all rows leave at a map.
+
+    Law: of noise as stated, or larger by one factor for a sensor, hardly any row looks wrong (less than one of 10,000).
+    """
+    found = (_of(rows) for rows in residuals if rows.table.source != "odometry")
+    return tuple(glance for glance in found if glance.wrong)
+
+
+def _of(rows: Rows) -> Glance:
+    table, wrong = rows.table, 0
+    for _ in range(ROUNDS):
+        share = share_wrong(wrong, len(table))
+        limits = gates(table, share, noise_of(rows.squared, rows.numbers, wrong / max(len(table), 1)))
+        wrong = int((rows.squared > limits).sum())
+    return Glance(table.robot, table.source, len(table), wrong)
+
+
+def sentences_at_a_glance(found: Sequence[Glance], names: Names) -> Iterator[str]:
+    """How many sightings of each sensor look wrong, the largest share first."""
+    for glance in sorted(found, key=lambda glance: (-glance.wrong / glance.rows, glance.robot)):
+        yield f"{glance.wrong:,} of {glance.rows:,} {rows_called(glance.source)} of robot {names.robot(glance.robot)}"
+
+
+@dataclass(frozen=True, eq=False)
+class Wrong:
+    """Sightings that look wrong at a map that was made of all of them, by a `glance`; where the map does not fit,
+    `decisions` on which they are, made of `log`. Nothing was left out."""
+
+    glance: tuple[Glance, ...]
+    names: Names
+    log: Dataset | None = None
+    decisions: Decisions | None = None
+
+    def sentences(self) -> Iterator[str]:
+        """How many of which sensors."""
+        if self.decisions is not None:
+            yield from sentences_on_sightings(self.decisions)
+        else:
+            yield from sentences_at_a_glance(self.glance, self.names)
+
+
+def looks_wrong(log: Dataset, residuals: Sequence[Rows], *, fits: bool, probability: float | None = None) -> Wrong:
+    """What looks wrong of a log by what it leaves at its map; where that does not fit at all (`fits`), and it is no
+    very long log, found as it would be to leave it out. `probability`: that a sighting is wrong; None: by the data."""
+    found = Wrong(at_a_glance(residuals), log.names)
+    sightings = sum(len(table) for table in log.tables if table.source != "odometry")
+    if fits or not found.glance or sightings > LONG:
+        return found
+    try:
+        decisions = wrong_sightings(log, probability=probability)
+    except TeamslamError:
+        return found
+    return replace(found, log=log, decisions=decisions) if decisions.rejected else found
