@@ -53,13 +53,17 @@ def test_a_building_by_one_robot_against_its_survey(data, tmp_path):
     """Recording 11: a stereo pair with odometry that jumps, 20 tags. The survey says otherwise of 6, 79 and 97 (two
     recordings agree on that); TagSLAM's own result is 0.041 m in the median and 0.105 m RMS."""
     folder = data("tagslam_dupont")
-    (tmp_path / "team.toml").write_text(building(folder))
+    truth = "".join(f"[[truth]]\nnumber = {n}\nxyz_m = {list(map(float, at))}\n" for n, at in survey_of(folder).items())
+    (tmp_path / "team.toml").write_text(building(folder) + truth)
     log = ts.read(tmp_path / "team.toml")
     assert any("tag 381" in d.reason and d.count == 1 for d in log.dropped)
     assert any("odometry jumped 2 times" in note for note in log.notes)
     keys = [int(k) for k in log.landmark_keys]
     assert len(keys) == 20 and set(keys) <= set(survey_of(folder))
-    check(run(log).map.all_values, folder, keys)
+    result = run(log)
+    check(result.map.all_values, folder, keys)
+    assert log.truth is not None and (log.truth.layout.kinds == Kind.POINT3).all()
+    assert {found.landmark for found in result.scores[0].contradicted} == {"6", "79", "97"}
 
 
 def test_a_building_by_two_recordings_on_two_days(data, tmp_path):

@@ -3,6 +3,7 @@
 from teamslam.metrics.accuracy import Accuracy, PairErrors, PerNumber, RobotErrors, Track, errors_at_base
 from teamslam.metrics.bound import Bound, cramer_rao
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, fit_of
+from teamslam.metrics.contradicted import Contradiction, told_of
 from teamslam.metrics.frames import Aligned, align_team, truth_at_base
 from teamslam.metrics.naming import as_called
 from teamslam.metrics.report import Report, errors_of, score
@@ -14,6 +15,7 @@ __all__ = [
     "Bound",
     "ChiSquare",
     "Consistency",
+    "Contradiction",
     "MarginalNees",
     "Marginals",
     "PairErrors",
@@ -29,5 +31,6 @@ __all__ = [
     "errors_of",
     "fit_of",
     "score",
+    "told_of",
     "truth_at_base",
 ]

@@ -33,6 +33,9 @@ class Marginals(Protocol):
     def blocks(self, keys: AnyArray) -> Sequence[Array]:
         """The marginal covariances of variables, in the order of `keys`."""
 
+    def joint(self, asked: AnyArray) -> Array:
+        """The joint covariance of several variables, dense, in the order asked."""
+
 
 @dataclass(frozen=True)
 class ChiSquare:

@@ -9,6 +9,7 @@ from teamslam.errors import in_words
 from teamslam.geometry import Pose
 from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
+from teamslam.metrics.contradicted import Contradiction, contradicted, told_of
 from teamslam.metrics.frames import Aligned, align_team
 from teamslam.model import Submap, Values
 
@@ -20,6 +21,7 @@ class Report:
     `alignment` moves the map onto the truth; `basis` says what it rests on. `fit` needs no truth: it is the squared
     whitened residuals against their degrees of freedom, by the map's own account (a join takes each submap for a
     Gaussian); None leaves it unsaid. `note` says in words why something is missing, or what makes no sense.
+    `contradicted` are landmarks that the truth has elsewhere than all others say.
     """
 
     map: str
@@ -29,6 +31,7 @@ class Report:
     accuracy: Accuracy | None = None
     consistency: Consistency | None = None
     note: str = ""
+    contradicted: tuple[Contradiction, ...] = ()
 
     @property
     def robot_position_rmse_m(self) -> float | None:
@@ -83,6 +86,7 @@ class Report:
             "rmse_per_number": _fields(scored.per_number) if scored else None,
             "robots": [_fields(r) for r in scored.robots] if scored else [],
             "landmarks": [_fields(m) for m in scored.each_landmark] if scored else [],
+            "contradicted": [_fields(m) for m in self.contradicted],
             "pairs": [_fields(p) | {"robots": list(p.robots)} for p in scored.pairs] if scored else [],
             "nees_per_dof": self.nees_per_dof,
             "nees": _chi_square(honest.nees) | {"frame": honest.frame} if honest else None,
@@ -105,7 +109,11 @@ def score(map: Submap, truth: Values, *, covariances: Marginals | None = None) -
     found = replace(_compared(map, aligned), fit=fit_of(map))
     if aligned is None or not aligned.held:
         return found
-    return replace(found, consistency=consistency(map, truth, aligned, covariances))
+    return replace(
+        found,
+        consistency=consistency(map, truth, aligned, covariances),
+        contradicted=contradicted(aligned, covariances, map.names),
+    )
 
 
 def errors_of(map: Submap, truth: Values) -> Report:
@@ -166,6 +174,8 @@ def _lines(report: Report) -> Iterator[str]:
             worst = sorted(scored.each_landmark, key=lambda mark: -mark.position_m)[:MOST_LANDMARKS]
             told = ", ".join(f"{in_words(mark.landmark)} {_number(mark.position_m)} m" for mark in worst)
             yield f"  {'landmarks farthest off':<24} {told}"
+        if report.contradicted:
+            yield f"  {'truth and map disagree':<24} {told_of(report.contradicted)}"
         for p in scored.pairs:
             yield (
                 f"  robot {in_words(p.robots[1])} seen from {in_words(p.robots[0])}: RMSE "

@@ -60,6 +60,8 @@ Its fields:
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
                                    of several components, each aligned by itself
+    contradicted                   `landmarks` that the truth has elsewhere than all others say, each with how far, and
+                                   a `sentence`; null where there are none
     compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
                                    compared; null where there is no truth
     robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and how it
@@ -80,7 +82,7 @@ from importlib.metadata import version
 from typing import Any
 
 from teamslam.joining import Component, Cost
-from teamslam.metrics import Report
+from teamslam.metrics import Report, told_of
 from teamslam.model import Dataset, LeftOut, index_of, is_landmark, robot_of
 from teamslam.pipeline import Result
 from teamslam.results.suspects import suspicions_of, wrong_of
@@ -267,7 +269,9 @@ def _errors(scores: Sequence[Report]) -> dict[str, Any]:
     dof = sum(found.dof for found in nees)
     notes = dict.fromkeys(s.note for s in scores if s.note)
     compared = {"poses": sum(a.poses for a in scored), "landmarks": sum(a.landmarks for a in scored)}
+    odd = [found for s in scores for found in s.contradicted]
     return {
+        "contradicted": {"landmarks": [asdict(found) for found in odd], "sentence": told_of(odd)} if odd else None,
         "robot_position_rmse_m": _pooled([(a.poses, a.robot_position_rmse_m) for a in scored]),
         "landmark_rmse_m": _pooled([(a.landmarks, a.landmark_rmse_m) for a in scored]),
         "nees_per_dof": sum(found.value for found in nees) / dof if dof > 0 else None,

@@ -156,6 +156,8 @@ def _scores(report: Report) -> Rows:
             ("landmark", "landmark_rmse_m", "landmarks"),
         )
     ]
+    if report.get("contradicted"):
+        rows.append(("truth and map disagree", report["contradicted"]["sentence"]))
     if report["nees_per_dof"] is not None:
         rows.append(("NEES / dof", f"{report['nees_per_dof']:.3f} (1 where the covariances are honest)"))
     return rows

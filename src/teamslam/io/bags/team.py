@@ -17,7 +17,7 @@ from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.stamps import merge
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.identities import places_of_tags
-from teamslam.geometry import IntArray, Pose, concatenate
+from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.io.bags.looked import Progress
 from teamslam.io.bags.recorded import seen_by
 from teamslam.io.bags.seen import MERGE_S, Book, Seen
@@ -104,6 +104,7 @@ def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, In
 def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset) -> Values | None:
     """Where robots and tags truly are, of those that are known."""
     found: dict[Kind, list[tuple[IntArray, Pose]]] = {}
+    places: list[tuple[int, tuple[float, float, float]]] = []  # of tags of which nobody says how they are turned
     for number, robot in enumerate(team, 1):
         if robot.truth is None or not len(robot.truth):
             continue
@@ -115,9 +116,17 @@ def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset) -> Values | None:
         found.setdefault(pose_kind(robot.entry.dim), []).append((keys[known], poses[np.flatnonzero(known)]))
     for tag in file.truth:
         key = np.array([landmark_key(landmark_number(str(tag.number)))])
-        if np.isin(key, log.landmark_keys).all():
+        if not np.isin(key, log.landmark_keys).all():
+            continue
+        if tag.quaternion_wxyz is None and tag.rotation_vector is None:
+            places.append((int(key[0]), tag.xyz_m))
+        else:
             found.setdefault(Kind.POSE3, []).append((key, tag.pose[None]))
-    if not found:
+    if not found and not places:
         return None
-    parts = {kind: (np.concatenate([k for k, _ in f]), concatenate([p for _, p in f])) for kind, f in found.items()}
-    return Values.of(parts)  # type: ignore[arg-type]
+    parts: dict[Kind, tuple[IntArray, Pose | Array]] = {
+        kind: (np.concatenate([k for k, _ in f]), concatenate([p for _, p in f])) for kind, f in found.items()
+    }
+    if places:
+        parts[Kind.POINT3] = (np.array([key for key, _ in places]), np.array([place for _, place in places]))
+    return Values.of(parts)
