@@ -82,7 +82,8 @@ def _pictures_in_files(path: Path, camera: CameraEntry, folder: Path) -> Picture
 
 
 def _camera_of(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:
-    if recording is not None and camera.calibration.startswith("/") and not Path(camera.calibration).is_file():
+    topic = camera.calibration.startswith("/") and "." not in camera.calibration  # of which no topic has one
+    if recording is not None and topic and not Path(camera.calibration).is_file():
         return camera_in(recording, camera.calibration)
     topics = () if recording is None else (camera.tags or camera.images,)
     return read_camera(folder / camera.calibration, camera.calibration_name, topics)
