@@ -16,7 +16,6 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / part) for part in ("",
 from test_recordings import building, survey_of  # noqa: E402
 
 import teamslam as ts  # noqa: E402
-from teamslam.config import Config  # noqa: E402
 from teamslam.geometry import align  # noqa: E402
 from teamslam.model import index_of, is_landmark  # noqa: E402
 from teamslam.pipeline import run  # noqa: E402
@@ -55,7 +54,7 @@ def values_of(text: str):
     """The largest map of a team file."""
     with TemporaryDirectory() as place:
         (Path(place) / "team.toml").write_text(text)
-        return run(ts.read(Path(place) / "team.toml"), Config(calibrate=False)).joined.components[0].map.all_values
+        return run(ts.read(Path(place) / "team.toml")).joined.components[0].map.all_values
 
 
 def tags_of(values) -> list[int]:

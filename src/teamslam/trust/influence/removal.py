@@ -14,7 +14,7 @@ from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.interiors import members_of
 from teamslam.joining.join.join import in_order
 from teamslam.joining.join.optimum import Optimum, usable_rows
-from teamslam.model import WORLD, Submap, Values
+from teamslam.model import WORLD, Kind, Submap, Values
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 from teamslam.trust.influence.parts import tied
@@ -41,6 +41,8 @@ def without(
         return join(rest, options=options)
     held = np.unique(np.concatenate([m.joined.keys for m in members]))
     start = near.select(np.isin(near.layout.keys, held))
+    if any(Kind(kind).dim < first.base_dim for kind in np.unique(start.layout.kinds)):
+        return join(rest, options=options)  # what stands in the plane is not seen from a base in space
     start = start.transform(start.poses_of(np.array(first.base), first.base_dim).inverse())
     used, _ = usable_rows([t for m in members for t in m.joined.raw], start.layout)
     start, fixed, used = anchor(start, first, used)
