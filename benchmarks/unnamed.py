@@ -48,9 +48,10 @@ def told(log: Dataset, found: Dataset) -> tuple[np.ndarray, np.ndarray]:
 
 
 def error(result: Result) -> float:
-    """Of the robots' positions [m]."""
+    """Of the robots' positions [m], in the map with most poses."""
     assert result.truth is not None
-    return float(score(result.map, result.truth).accuracy.robot_position_rmse_m or np.nan)
+    found = score(max(result.maps, key=lambda map: map.dof), result.truth).accuracy
+    return float("nan") if found is None else float(found.robot_position_rmse_m or np.nan)
 
 
 def main() -> None:

@@ -11,9 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.errors import SolveError, TeamslamError
-from teamslam.joining import Joined, build, join, split
+from teamslam.geometry import IntArray
+from teamslam.joining import Joined, build, join, separators, split
+from teamslam.joining.condense.condense import condense_what_pays
 from teamslam.model import Dataset, Names, Submap, Table, index_of, is_landmark, is_pose, robot_of
-from teamslam.trust.influence.liars import Judgement, liars
+from teamslam.solver import side_by_side
+from teamslam.trust.influence.liars import Judgement, anybody_could_lie, liars
 from teamslam.trust.influence.words import sentences_on_robots
 from teamslam.trust.labels.changes import Change
 from teamslam.trust.labels.constellations import renamed
@@ -51,6 +54,8 @@ def suspicions(log: Dataset, submaps: Sequence[Submap], joined: Joined | None = 
     mistaken = _mistaken(log, submaps, joined)
     if mistaken:
         submaps, joined = _built_again(log, submaps, mistaken), None
+    if joined is None or anybody_could_lie(submaps, joined):
+        submaps = _spared(submaps)  # what follows may join many times
     judged = _judged(submaps, joined)
     excuses = mislabelled(submaps, of=[int(str(r)) for r in judged.accused]) if judged and judged.accused else []
     right = _put_right(submaps, excuses)
@@ -107,6 +112,19 @@ def mended(log: Dataset, found: Suspicions) -> Dataset:
         names = _named(names, finding.change)
     tables = [_without(table, found.liars) for table in tables]
     return replace(log, tables=tuple(table for table in tables if len(table)), names=names)
+
+
+def _spared(submaps: Sequence[Submap]) -> list[Submap]:
+    """The submaps without what nobody else can speak of, landmarks apart: what is asked here does not need it."""
+    wanted = separators(submaps, landmarks=True)
+    return side_by_side(lambda submap: _without_interiors(submap, wanted[submap.id]), submaps)
+
+
+def _without_interiors(submap: Submap, wanted: IntArray) -> Submap:
+    try:
+        return condense_what_pays(submap, ~np.isin(submap.values.layout.keys, wanted))[0]
+    except SolveError:
+        return submap
 
 
 def _put_right(submaps: Sequence[Submap], labels: Sequence[Finding]) -> list[Submap]:

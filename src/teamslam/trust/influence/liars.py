@@ -68,6 +68,12 @@ def liars(submaps: Sequence[Submap], joined: Joined, *, level: float = LEVEL) ->
     return _Search(submaps, joined, level, robot).judgement()
 
 
+def anybody_could_lie(submaps: Sequence[Submap], joined: Joined, *, level: float = LEVEL) -> bool:
+    """Whether what joining cost leaves room for a robot that contradicts the others. Law: where not, `liars` accuses
+    nobody."""
+    return _Search(submaps, joined, level, robot).room
+
+
 def lying_submaps(submaps: Sequence[Submap], joined: Joined, *, level: float = LEVEL) -> Judgement:
     """The same of submaps, by their ids."""
     return _Search(submaps, joined, level, lambda submap: submap.id).judgement()
@@ -123,11 +129,9 @@ class _Search:
     def _look(self) -> None:
         """Maps without some of the members, as long as more of them explain more; where all contradict each other, two
         that lie may hide each other, and one step more is tried."""
-        if most_to_gain(self.whole) <= LIAR:
-            return  # nothing that could be explained
+        if not self.room:
+            return
         patience = HIDING if contradict(self.whole, self.level) else 0
-        if not patience and self._most_to_gain() <= LIAR + SURE:
-            return  # nothing that could be sure
         found = [frozenset[Hashable]()]
         while found and patience >= 0 and len(found[0]) + 1 < len(self.members):
             before = min(map(self._unlikely, self.fits))
@@ -135,6 +139,13 @@ class _Search:
             tried = wider if patience else self._promising(wider)
             found = sorted(filter(self._try, tried), key=self._unlikely)[:KEPT]
             patience -= not found or self._unlikely(found[0]) >= before
+
+    @property
+    def room(self) -> bool:
+        """Whether anything could be explained, for sure or by members that contradict each other."""
+        if most_to_gain(self.whole) <= LIAR:
+            return False
+        return contradict(self.whole, self.level) or self._most_to_gain() > LIAR + SURE
 
     def _most_to_gain(self) -> float:
         """What leaving any members out could explain at most. Who leaves more out sets more free, and gains less."""
