@@ -13,7 +13,7 @@ CURED = {
     7000124: "ground and air: bodies among weak directions were looked for without end",
     7000160: "sigmas far apart: a pose was said to be open whose pivot is lost in rounding",
     9000018: "tilted tags among robots of the ground: a frame that was no rotation",
-    9000059: "names among robots of ground and air: a map with robots of the ground was to be seen from a base in space",
+    9000059: "names among robots of ground and air: a planar map was to be seen from a base in space",
 }
 
 
