@@ -100,6 +100,11 @@ class Dense:
         places = [self.layout.unknowns(np.array([k])) for k in keys]
         return [self.covariance[np.ix_(at, at)] for at in places]
 
+    def joint(self, keys: np.ndarray) -> np.ndarray:
+        """All of them together, in the order of keys."""
+        places = np.concatenate([self.layout.unknowns(np.array([k])) for k in keys])
+        return self.covariance[np.ix_(places, places)]
+
 
 @pytest.mark.parametrize("team", TEAMS)
 def test_variables_one_by_one_lie_in_their_regions(team: str) -> None:
