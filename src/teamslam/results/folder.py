@@ -130,7 +130,8 @@ def _covariances(maps: Sequence[Submap], path: Path) -> tuple[Covariances, ...]:
 def with_residuals(record: Record, folder: str | Path) -> Record:
     """A record with the residuals that lie in its folder; as it is where there are none. InputError where the file is
     another's."""
-    return replace(record, rows=residuals_in(Path(folder)) or record.rows)
+    rows = residuals_in(Path(folder))
+    return replace(record, rows=rows) if rows else record
 
 
 def read_report(folder: str | Path) -> dict[str, Any]:
