@@ -9,7 +9,7 @@ from teamslam.model import Dataset, Submap
 from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
 from teamslam.trust import Decisions, Suspicions, has_mistakes, mended, suspicions, wrong_sightings
-from teamslam.trust.calibration import Calibration, calibrate
+from teamslam.trust.calibration import Calibration, as_stated, calibrate
 
 
 def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisions | None, Suspicions | None]:
@@ -26,11 +26,14 @@ def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisi
     return log, decisions, suspected
 
 
-def calibrated(log: Dataset, joined: Joined, at: Sequence[AtMap]) -> Calibration:
-    """What is wrong with the noise of a log; nothing where it is no noise, but a map that is wrong, or a mistake in the
-    log, such as degrees for radians: these are told by the verdict on the fit, and are for people to put right."""
+def calibrated(log: Dataset, joined: Joined, at: Sequence[AtMap]) -> Calibration | None:
+    """What is wrong with the noise of a log. None where the noise is left as stated: where no map is looked at (see
+    `as_stated`), and where what is wrong is no noise, but the map, or a mistake in the log, such as degrees for
+    radians; the verdict on the fit tells these, and they are for people to put right."""
+    if all(as_stated(part) for part in at):
+        return None
     found = calibrate(at)
-    return Calibration() if found and (found.wild or has_mistakes(log, joined, at)) else found
+    return None if found and (found.wild or has_mistakes(log, joined, at)) else found
 
 
 def once_more(

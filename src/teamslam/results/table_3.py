@@ -3,7 +3,8 @@ joining in rounds until it is exact; each after one alignment of the whole team 
 
     component, method, what, count, position_rmse_m        what: robots, landmarks, or a robot by its name
 
-Motion capture and a map have frames of their own, so errors are those after the best alignment.
+Motion capture and a map have frames of their own, so errors are those after the best alignment. All three are made by
+the noise as it is stated.
 """
 
 import json

@@ -17,12 +17,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from teamslam.errors import InputError
 from teamslam.frontend.boards import AprilGrid, Board, Charuco
 from teamslam.io.bags.calibration import parsed
-from teamslam.io.files.toml import read_toml
+from teamslam.io.files.toml import converted, read_toml
 from teamslam.io.files.whole import whole_file
 
 KINDS: dict[str, type[Charuco] | type[AprilGrid]] = {"charuco": Charuco, "aprilgrid": AprilGrid}
@@ -62,11 +60,4 @@ def _board(type: Any, given: Mapping[str, Any], path: Path) -> Board:
     for name in given:
         if name not in known:
             raise InputError(f"unknown; known are {', '.join(known)}", path=path, field=f"board.{name}")
-    try:
-        return msgspec.convert(dict(given), type)  # type: ignore[no-any-return]
-    except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at ")
-        where = place.strip("`").removeprefix("$.")
-        raise InputError(problem.replace("`", "'"), path=path, field=f"board.{where}" if where else "board") from None
-    except InputError as error:
-        raise InputError(error.problem, path=path, field=f"board.{error.field}") from None
+    return converted(given, type, path=path, within="board")  # type: ignore[no-any-return]

@@ -38,7 +38,7 @@ from teamslam.frontend.tags.detect import Looking
 from teamslam.frontend.tags.rows import Tag
 from teamslam.frontend.way import WayNoise
 from teamslam.geometry import Pose
-from teamslam.io.files.toml import read_toml
+from teamslam.io.files.toml import converted, read_toml
 from teamslam.io.files.whole import whole_file
 
 
@@ -189,12 +189,7 @@ def is_team_file(path: Path) -> bool:
 
 def read_team_file(path: Path) -> TeamFile:
     """The team file at a path. InputError names the field that is wrong."""
-    try:
-        team = msgspec.convert(read_toml(path), TeamFile)
-    except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at ")
-        where = place.strip("`").removeprefix("$.") or None
-        raise InputError(problem.replace("`", "'"), path=path, field=where) from None
+    team = converted(read_toml(path), TeamFile, path=path)
     try:
         _check(team)
     except InputError as error:

@@ -31,18 +31,33 @@ def record_from(table: Mapping[str, Any], kind: type[Record], *, path: str | Pat
         nearest = difflib.get_close_matches(name.rpartition(".")[2], known, n=1, cutoff=0.5)
         cure = f"did you mean '{nearest[0]}'?" if nearest else f"known are: {', '.join(known)}"
         raise InputError(f"unknown option; {cure}", path=path, field=name)
+    return converted(table, kind, path=path)
+
+
+def converted(
+    table: Mapping[str, Any], kind: type[Record], *, path: str | Path | None = None, within: str = ""
+) -> Record:
+    """A record from a nested table, which is itself `within` a key. InputError names the file and the key."""
     try:
         return msgspec.convert(table, kind, dec_hook=_path)
     except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at ")
-        where = place.strip("`").removeprefix("$.") or None
-        raise InputError(problem.replace("`", "'"), path=path, field=where) from None
+        problem, key = told_by(error)
     except InputError as error:
-        raise InputError(error.problem, path=path, field=error.field) from None
+        problem, key = error.problem, error.field or ""
+    dot = "." if within and key and not key.startswith("[") else ""
+    raise InputError(problem, path=path, field=within + dot + key or None)
+
+
+def told_by(error: msgspec.ValidationError) -> tuple[str, str]:
+    """What msgspec finds wrong, and the key where, as robot[0].name."""
+    problem, _, place = str(error).partition(" - at ")
+    return problem.replace("`", "'"), place.strip("`").removeprefix("$").removeprefix(".")
 
 
 def _path(kind: type, value: Any) -> Any:
-    """A value of a kind that TOML does not know: of these records, a path."""
+    """A value of a kind that TOML does not know: of these records, a path, or anything at all."""
+    if isinstance(value, kind):
+        return value
     if not isinstance(value, str):
         raise ValueError(f"Expected a path, found {value!r}")
     return kind(value)

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.io.files.toml import read_toml
+from teamslam.io.files.toml import read_toml, told_by
 from teamslam.model import LOSSES, MODELS
 from teamslam.model.keys import MAX_ROBOT
 
@@ -107,18 +107,17 @@ def read_team(folder: Path) -> Team:
     try:
         team = msgspec.convert(read_toml(path), Team)
     except msgspec.ValidationError as error:
-        raise _translated(str(error), path) from None
+        raise _translated(error, path) from None
     _check(team, path)
     return team
 
 
-def _translated(message: str, path: Path) -> InputError:
-    """msgspec's complaint in our words: 'Object contains unknown field `sgima` - at `$.log[0]`'."""
-    problem, _, place = message.partition(" - at ")
-    field = place.strip("`").removeprefix("$.").removeprefix("$") or None
-    if unknown := re.search(r"unknown field `(.*)`", problem):
+def _translated(error: msgspec.ValidationError, path: Path) -> InputError:
+    """msgspec's complaint in our words: Object contains unknown field 'sgima', in log[0]."""
+    problem, field = told_by(error)
+    if unknown := re.search(r"unknown field '(.*)'", problem):
         record = Team
-        for part in re.findall(r"[a-z]+", field or ""):
+        for part in re.findall(r"[a-z]+", field):
             record = {
                 "log": Log,
                 "robot": Robot,
@@ -130,11 +129,11 @@ def _translated(message: str, path: Path) -> InputError:
         near = difflib.get_close_matches(unknown[1], record.__struct_fields__, 1)
         hint = f"did you mean '{near[0]}'?" if near else f"known keys: {', '.join(record.__struct_fields__)}"
         problem = f"unknown key '{unknown[1]}'; {hint}"
-    elif missing := re.search(r"missing required field `(.*)`", problem):
+    elif missing := re.search(r"missing required field '(.*)'", problem):
         problem = f"the key '{missing[1]}' is missing"
     else:
-        problem = problem[:1].lower() + problem[1:].replace("`", "'")
-    return InputError(problem, path=path, field=field)
+        problem = problem[:1].lower() + problem[1:]
+    return InputError(problem, path=path, field=field or None)
 
 
 def _check(team: Team, path: Path) -> None:

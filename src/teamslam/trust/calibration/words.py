@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from teamslam.trust.calibration.calibrate import Calibration
 from teamslam.trust.cause import rows_called
 
+IN_WORDS = {"depth": "measuring depth in place of distance (1: wholly)"}  # of terms whose name does not say it
+
 
 def sentences(found: Calibration) -> list[str]:
     """What was wrong with the model of the data and was put right, most telling first; empty where nothing was."""
@@ -16,7 +18,7 @@ def _systematic(found: Calibration) -> Iterator[str]:
     for source, term, unit in kinds:
         mine = [e for e in found.systematic if (e.source, e.term) == (source, term)]
         values = ", ".join(f"{found.names.robot(e.robot)}: {_signed(e.value, e.sigma, unit)}" for e in mine)
-        yield f"{rows_called(source)} err by {term}, estimated and taken out (robot {values})"
+        yield f"{rows_called(source)} err by {IN_WORDS.get(term, term)}, estimated and taken out (robot {values})"
 
 
 def _scales(found: Calibration) -> Iterator[str]:

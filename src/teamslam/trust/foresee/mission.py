@@ -22,12 +22,11 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, Pose
-from teamslam.io.files.toml import read_toml
+from teamslam.io.files.toml import converted, read_toml
 from teamslam.model import Dataset, Names, landmark_number
 from teamslam.sim import Odometry, Robot, Sensor, World, observe
 
@@ -164,13 +163,7 @@ def _checked(kind: type, given: Any, field: str) -> dict[str, Any]:
     if not isinstance(given, Mapping):
         raise InputError(f"expected a table of {', '.join(f.name for f in fields(kind))}", field=field)
     _known(given, tuple(f.name for f in fields(kind)), field)
-    try:
-        record: object = msgspec.convert(dict(given), kind)
-    except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at ")
-        raise InputError(problem.replace("`", "'"), field=field + place.strip("`").removeprefix("$")) from None
-    except InputError as error:
-        raise InputError(error.problem, field=f"{field}.{error.field}") from None
+    record: object = converted(given, kind, within=field)
     return {name: getattr(record, name) for name in given}
 
 
