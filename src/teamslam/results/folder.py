@@ -20,7 +20,6 @@ import csv
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,6 +41,7 @@ from teamslam.results.drawing import drawing
 from teamslam.results.page import PAGE
 from teamslam.results.record import Record
 from teamslam.results.residuals import residuals_in, write_residuals
+from teamslam.results.side_by_side import side_by_side
 from teamslam.results.tables import (
     read_histories,
     write_histories,
@@ -82,10 +82,10 @@ def write_record(record: Record, config: Config, folder: Path) -> None:
             FILES[name](record, draft / name)
 
     record.with_covariances()
-    with whole_folder(folder) as draft, ThreadPoolExecutor() as pool:
+    with whole_folder(folder) as draft:
         with named(draft / "config.toml"):
             write_config(config, draft / "config.toml")
-        list(pool.map(write, FILES))
+        side_by_side(write, [*FILES])
 
 
 def _write_report(record: Record, path: Path) -> None:

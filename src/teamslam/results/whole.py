@@ -67,11 +67,11 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     inside = place.exists() and not _can_be_moved(place)
     draft = beside(place / "draft") if inside else beside(place)
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        draft.mkdir()
-    except OSError as error:
-        raise InputError(f"the output folder cannot be made: {error.strerror or error}", path=folder) from None
-    try:
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            draft.mkdir()
+        except OSError as error:
+            raise InputError(f"the output folder cannot be made: {error.strerror or error}", path=folder) from None
         yield draft
         _fill(place, draft) if inside else _take_place(place, draft)
     except OSError as error:
@@ -103,13 +103,13 @@ def _take_place(place: Path, draft: Path) -> None:
         draft.rename(place)
         return
     old = beside(place)
-    place.rename(old)
     try:
+        place.rename(old)
         draft.rename(place)
-    except OSError:
-        old.rename(place)
-        raise
-    shutil.rmtree(old)
+    finally:
+        if old.exists() and not place.exists():
+            old.rename(place)
+        shutil.rmtree(old, ignore_errors=True)
 
 
 def _fill(place: Path, draft: Path) -> None:
