@@ -53,6 +53,14 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_of_the_code_that_a_page_names_are_there(page: Path) -> None:
+    """By their path from the repository's root, from the package, the tests, or the page."""
+    rooms = (ROOT, ROOT / "src", ROOT / "src" / "teamslam", ROOT / "tests", page.parent)
+    for name in re.findall(r"`([\w.-]+/[\w./-]*\.(?:py|cpp|hpp|h))`", page.read_text(encoding="utf-8")):
+        assert any((room / name).exists() for room in rooms), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_a_plain_renderer_shows_no_directive(page: Path) -> None:
     """Every page reads as Markdown in the repository: nothing in it is for one program that builds it."""
     for token in MARKDOWN.parse(page.read_text(encoding="utf-8")):

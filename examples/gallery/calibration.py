@@ -1,6 +1,6 @@
 """Sigmas that are wrong, found in the data and put right: python examples/gallery/calibration.py
 
-The log states its sightings three times better than they are. `teamslam run LOG --calibrate` does the same.
+The log states its sightings three times better than they are. `teamslam run LOG` does the same.
 """
 
 from dataclasses import replace
