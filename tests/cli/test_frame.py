@@ -54,6 +54,7 @@ def test_help_loads_no_heavy_package() -> None:
         (["ruin"], ["ruin"]),
         (["run"], ["run"]),
         (["run", "x", "--ou", "y"], ["--out"]),
+        (["run", "x", "--metod", "full"], ["mean --method? See: teamslam run --help"]),
         (["run", "nowhere", "--out", "y"], ["nowhere", "no such file"]),
         (["info", "nowhere"], ["nowhere", "no such file"]),
         (["info", "."], ["none of the formats", "mrclam"]),

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from logs import ABILITIES, assert_rows_numbered_once, assert_same_log, logs
 from teamslam.errors import InputError
-from teamslam.io import FORMATS, SUBMAP_FORMATS, read, read_submaps, write, write_submaps
+from teamslam.io import FORMATS, MAP_FORMATS, SUBMAP_FORMATS, read, read_submaps, write, write_submaps
 from teamslam.model import Dataset, Names, Table, landmark_key, pose_key
+from worlds import team
 
 
 @pytest.mark.parametrize("name", ABILITIES)
@@ -91,6 +92,27 @@ def test_an_unknown_format_lists_the_formats(tmp_path: Path) -> None:
 def test_a_format_that_is_only_read_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"(?s)does not write.*linear"):
         write_submaps([], tmp_path, "islsjf")
+
+
+@pytest.mark.parametrize("name", sorted({*MAP_FORMATS, *SUBMAP_FORMATS} - {*FORMATS}))
+def test_a_log_is_not_written_as_something_else(name: str, tmp_path: Path) -> None:
+    """Neither by its name nor by the ending of a file's: what to do is said, and no folder stands under that name."""
+    row = {**SUBMAP_FORMATS, **MAP_FORMATS}[name]
+    known = {ending for own in FORMATS.values() for ending in own.suffixes}
+    for path, format in [(tmp_path / "x", name), *((tmp_path / f"x{end}", None) for end in {*row.suffixes} - known)]:
+        with pytest.raises(InputError, match=r"is a format of (finished maps|submaps).*teamslam (run|build) LOG --out"):
+            write(team("2d", poses=4), path, format)
+    assert not any(tmp_path.iterdir())
+
+
+def test_what_is_of_another_kind_says_how_to_go_on(tmp_path: Path) -> None:
+    """A log where submaps are asked for, and submaps where a log is."""
+    write(team("2d", poses=4), tmp_path / "log", "plain")
+    with pytest.raises(InputError, match=r"That is a log: `teamslam run \S+/log --out DIR` maps it"):
+        read_submaps(tmp_path / "log")
+    (tmp_path / "localmap_1.txt").write_text("0\n0\n")
+    with pytest.raises(InputError, match=r"Those are submaps: `teamslam join \S+ --out DIR` makes a map"):
+        read(tmp_path)
 
 
 def test_an_unknown_option_is_named(tmp_path: Path) -> None:

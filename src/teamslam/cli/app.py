@@ -68,7 +68,8 @@ def called(arguments: Sequence[str] | None) -> int:
         return command(*bound.args, **bound.kwargs) or DONE
     except CycloptsError as error:
         said = str(error).strip().removesuffix(".")
-        complain(f"{said}. See: teamslam {' '.join([*(error.command_chain or ()), '--help'])}")
+        end = "" if said.endswith("?") else "."
+        complain(f"{said}{end} See: teamslam {' '.join([*(error.command_chain or ()), '--help'])}")
         return BAD_INPUT
     except SolveError as error:
         complain(str(error))

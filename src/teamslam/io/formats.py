@@ -91,6 +91,18 @@ MAP_FORMATS: dict[str, Format] = {
 }
 
 KINDS = {"log": FORMATS, "submaps": SUBMAP_FORMATS, "map": MAP_FORMATS}
+ONWARD = {  # what comes of a path of a kind, for who gave it where another one is asked for
+    "log": "That is a log: `teamslam run {path} --out DIR` maps it, `teamslam build {path} --out DIR` makes submaps of "
+    "it",
+    "submaps": "Those are submaps: `teamslam join {path} --out DIR` makes a map of them",
+    "map": "That is a finished map, which holds no measurements",
+}
+MADE = {  # what a format of a kind is for, for who asked for it of another one
+    "log": "of logs, whose measurements are in no map and no submap",
+    "submaps": "of submaps: `teamslam build LOG --out DIR` makes them of a log",
+    "map": "of finished maps: `teamslam run LOG --out DIR` makes one of a log, `teamslam join SUBMAPS --out DIR` of "
+    "submaps; then convert DIR",
+}
 
 
 def read(path: str | Path, format: str | None = None, **options: object) -> Dataset:
@@ -202,14 +214,18 @@ def _row(rows: dict[str, Format], path: Path, format: str | None) -> Format:
     if fitting:
         return rows[fitting[0]]
     looks = described(path, lambda other: [name for kind, name in formats_of(other)])
-    others = [f"{KINDS[kind][name].description}" for kind, name in formats_of(path)]
-    looks = f"this is {others[0]}" if others else looks
+    for kind, name in formats_of(path)[:1]:
+        looks = f"this is {KINDS[kind][name].description}. {ONWARD[kind].format(path=path)}"
     raise InputError(f"{looks}. It is none of the formats that teamslam reads here:\n{_listing(rows)}", path=path)
 
 
 def _row_to_write(rows: dict[str, Format], path: Path, format: str | None, default: str | None) -> Format:
-    by_suffix = (name for name, row in rows.items() if path.suffix and path.suffix in row.suffixes)
-    name = format or next(by_suffix, default)
+    name = format or _told_by_ending(rows, path)
+    if name not in rows:
+        for kind, others in KINDS.items():
+            if other := format if format in others else None if format else _told_by_ending(others, path):
+                raise InputError(f"{other} is a format {MADE[kind]}", path=path)
+    name = name or default
     if name is None:
         raise InputError(
             f"the ending of this name says no format; say which one to write:\n{_listing(rows)}", path=path
@@ -219,6 +235,10 @@ def _row_to_write(rows: dict[str, Format], path: Path, format: str | None, defau
         writable = {name: row for name, row in rows.items() if row.writes}
         raise InputError(f"teamslam reads this format but does not write it; it writes:\n{_listing(writable)}")
     return row
+
+
+def _told_by_ending(rows: dict[str, Format], path: Path) -> str | None:
+    return next((name for name, row in rows.items() if path.suffix and path.suffix in row.suffixes), None)
 
 
 def _named(rows: dict[str, Format], name: str) -> Format:
