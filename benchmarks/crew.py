@@ -14,13 +14,12 @@ from typing import Any
 
 from teamslam.io import read, read_submaps, write
 from teamslam.model import Dataset
-from teamslam.results.fleet import bits_of, joined, offline_submaps
+from teamslam.results.fleet import bits_of, bits_of_parts, joined, offline_submaps
 from teamslam.robot import Options
 from teamslam.robot.link.keys import make_certificates
 from teamslam.sim.scenario import Options as World
 from teamslam.sim.scenario import simulate_options
 from teamslam.team import SubmapSet
-from teamslam.wire.messages import canonical
 
 PIECE = 12  # poses of a submap
 STARTS_S = 90.0  # a process is there by then
@@ -92,9 +91,9 @@ class Crew:
         return (self.folder / str(robot) / "output.txt").read_text()[-2000:]
 
     def same(self) -> bool:
-        """Whether all that run have no rows left and hold the same."""
+        """Whether all that run have no rows left, nothing to make, and hold the same."""
         said = [self.status(robot) for robot in self.processes]
-        return all(s.get("parked") for s in said) and len({s["root"] for s in said}) == 1
+        return all(s.get("parked") and not s["making"] for s in said) and len({s["root"] for s in said}) == 1
 
     def until(self, there: Callable[[], bool], seconds: float) -> bool:
         """Wait until something holds, and say whether it does."""
@@ -115,7 +114,7 @@ class Crew:
     def maps(self) -> dict[int, bytes]:
         """The maps that the robots wrote at their end, to the bit."""
         found = {robot: self.folder / str(robot) / "maps" for robot in self.places}
-        return {n: b"".join(map(canonical, read_submaps(path))) for n, path in found.items() if path.is_dir()}
+        return {n: bits_of_parts(read_submaps(path)) for n, path in found.items() if path.is_dir()}
 
     def offline_bits(self) -> bytes:
         """The offline join of the log as the robots read it, to the bit."""

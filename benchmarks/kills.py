@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,18 +43,18 @@ def main() -> None:
         for robot in robots:
             crew.start(robot)
         crew.until(lambda: all(crew.status(robot) for robot in robots), STARTS_S)
-        told: set[str] = set()
+        told: dict[str, int] = {}
         writing = 0
         for number in range(options.kills):
             time.sleep(float(rng.exponential(options.poses / options.speed / options.kills)))
             victim = int(rng.choice(robots))
             writing += number % 2 and waited_for_ink(crew.folder / str(victim) / "journal.db-wal")
             for robot in robots:
-                told |= set(crew.status(robot).get("holds", ()))
+                told |= {id_: max(v, told.get(id_, 0)) for id_, v in versions(crew.status(robot)).items()}
             crew.end(victim, signal.SIGKILL)
             crew.start(victim)
         same = crew.until(crew.same, PATIENCE_S)
-        holds = set(crew.status(robots[0]).get("holds", ()))
+        holds = versions(crew.status(robots[0]))
         codes = [crew.end(robot) for robot in robots]
         maps = crew.maps()
         offline = crew.offline_bits()
@@ -61,7 +62,7 @@ def main() -> None:
         "kills": options.kills,
         "while_writing": int(writing),
         "same": same,
-        "told_and_gone": sorted(told - holds),
+        "told_and_gone": sorted(id_ for id_, version in told.items() if holds.get(id_, -1) < version),
         "exit_codes": codes,
         "maps_equal": len(maps) == len(robots) and len(set(maps.values())) == 1,
         "equal_to_offline": set(maps.values()) == {offline},
@@ -75,6 +76,13 @@ def main() -> None:
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": [row]}, indent=1) + "\n")
     sys.exit(0 if row["equal_to_offline"] and not row["told_and_gone"] and not any(codes) else 1)
+
+
+def versions(status: dict[str, Any]) -> dict[str, int]:
+    """The newest version of each submap that a robot says it holds."""
+    return {
+        id_: int(version) for id_, _, version in (held.rpartition(", version ") for held in status.get("holds", ()))
+    }
 
 
 def waited_for_ink(file: Path) -> bool:

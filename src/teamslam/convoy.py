@@ -71,6 +71,7 @@ class Driver:
             self.report(self)
 
     def _keep(self) -> None:
+        self.journal.agree(self.member.robot)
         bodies = self.member.peer.bodies
         if fresh := [digest for digest in bodies if digest not in self.kept]:
             self.journal.bodies(bodies[digest].body for digest in fresh)
@@ -83,11 +84,13 @@ class Driver:
         return {
             "robot": names.robot(robot.number),
             "parked": self.parked,
+            "making": self.member.mapper.busy(robot),
             "at": names.describe(now.key) if now is not None else None,
             "rows": {"taken": robot.counts.taken, "repeated": robot.counts.repeated, "late": robot.counts.late},
-            "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries],
+            "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries if not entry.knows],
             "root": peer.root.hex(),
             "missing": len(peer.missing),
+            "agreed": len(robot.agreed),
             "revoked": [names.robot(number) for number in sorted(robot.head.robots) if peer.revoked(number)],
             "refused_packets": dict(peer.refused),
             "journal": self.journal.trouble,

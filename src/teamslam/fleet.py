@@ -30,14 +30,17 @@ class Member:
     link: Link
     mapper: Mapper = field(default_factory=Mapper)
     told: list[Estimate] = field(default_factory=list)
+    parked: bool = False
+
+    def __post_init__(self) -> None:
+        self.agree()
 
     def drive(self, tables: list[Table]) -> None:
         """Some rows more."""
         self.robot = self.robot.step(tables)
         if self.robot.due:
             self.robot = self.robot.close()
-        self.robot, finished = self.mapper.attend(self.robot, self.others)
-        self.peer = self.peer.with_submaps(finished)
+        self._attend()
         if (now := self.robot.now) is not None:
             self.told.append(now)
 
@@ -45,13 +48,28 @@ class Member:
         """No rows will come any more."""
         self.robot = self.robot.finish()
         self.peer = self.peer.with_submaps(self.mapper.finish(self.robot))
+        self.parked = True
 
     def talk(self, now_s: float, between: Callable[[], None] = lambda: None, most: int = HEARD) -> None:
         """Hear (at most so many packets) and say what there is; `between` the two something may be done."""
+        known = self.peer.known
         self.peer, out = self.peer.step(now_s, self.link.receive(most))
+        if self.peer.known is not known:
+            self.agree()
+        if self.parked:
+            self._attend()
         between()
         for packet in out:
             self.link.send(packet.to, packet.data)
+
+    def agree(self) -> None:
+        """Have a pose wherever others say that they saw it."""
+        self.robot = self.robot.agreeing(self.peer.known.poses_of(self.robot.number))
+
+    def _attend(self) -> None:
+        self.robot, finished = self.mapper.attend(self.robot, self.others)
+        if finished:
+            self.peer = self.peer.with_submaps(finished)
 
     def others(self) -> tuple[Submap, ...]:
         """What it has heard."""

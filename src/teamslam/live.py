@@ -94,7 +94,9 @@ def begun(log: Dataset, number: int, options: Options | None = None, memory: Mem
     if memory is None:
         return robot
     called = {**robot.head.names.landmarks, **memory.names}
-    return robot.calling(replace(robot.head.names, landmarks=called)).remembering(memory.tables, memory.versions)
+    return robot.calling(replace(robot.head.names, landmarks=called)).remembering(
+        memory.tables, memory.versions, memory.agreed
+    )
 
 
 def drive(
@@ -163,6 +165,10 @@ class Mapper:
         except BrokenExecutor as error:
             self._executor, self.trouble = None, f"{error}; submaps are made between two steps"
             return robot, ()
+
+    def busy(self, robot: Robot) -> bool:
+        """Whether something that is closed is not yet made."""
+        return self._round is not None or self._news(robot)
 
     def _news(self, robot: Robot) -> bool:
         held = self.atlas.stretches

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from teamslam.errors import InputError
@@ -11,11 +12,12 @@ from teamslam.model import Names, Submap
 from teamslam.robot.journal import Journal
 from teamslam.robot.link.keys import make_certificates, read_revocations, read_seal, revoke
 from teamslam.robot.link.memory import Air, Weather
+from teamslam.robot.opened import announcements
 from teamslam.robot.packets import EVER, Body, Entry, List, Removal, digest_of, from_bytes, to_bytes
 from teamslam.robot.peer import Habits, Peer
 from teamslam.robot.rows import head_of
 from teamslam.robot.seal import Seal
-from teamslam.team import SubmapSet
+from teamslam.team import Knowledge, SubmapSet
 from teamslam.wire.messages import send
 from worlds import team
 
@@ -69,7 +71,9 @@ def test_what_is_signed_is_passed_on_and_makes_one_map(seals: dict[int, Seal]) -
     peers = exchanged({robot: Peer(robot, seal=seals[robot]).with_submaps(SUBMAPS[robot]) for robot in ROBOTS})
     offline = SubmapSet.of(*(submap for submaps in SUBMAPS.values() for submap in submaps))
     assert all(peer.held == offline and not peer.refused for peer in peers.values())
-    signed_by = {content.entry.id: content.body.robot for content in peers[3].bodies.values()}
+    signed_by = {
+        content.entry.id: content.body.robot for content in peers[3].bodies.values() if not content.entry.knows
+    }
     assert signed_by == {submap.id: robot for robot, submaps in SUBMAPS.items() for submap in submaps}
 
 
@@ -187,6 +191,14 @@ def test_signatures_are_remembered(tmp_path: Path, seals: dict[int, Seal]) -> No
         again = Peer(2, seal=seals[2]).recalling(journal.recall().bodies)
     assert again.root == peer.root and again.held == peer.held and not again.refused
     assert exchanged({2: again, 3: Peer(3, seal=seals[3])})[3].held == peer.held
+
+
+def test_nobody_tells_what_another_robot_knows(seals: dict[int, Seal]) -> None:
+    (page,) = announcements(Knowledge().with_more(1, np.arange(3)))
+    peer = Peer(3, seal=seals[3])
+    assert refused(heard(peer, 2, seals[2].signed(page)), 2, "robot 2 signed a body that is of robot 1")
+    said = heard(peer, 2, seals[1].signed(page))  # passed on
+    assert said.known.of(1) == {0, 1, 2} and not said.refused
 
 
 def test_a_removal_in_the_list_is_only_a_word(seals: dict[int, Seal]) -> None:

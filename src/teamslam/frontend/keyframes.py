@@ -167,6 +167,13 @@ def _spread(mask: BoolArray, found: BoolArray) -> BoolArray:
 
 def _split(table: Table, keyframes: IntArray) -> Table:
     """Increments cut at the keyframes within them; rows are numbered anew where one was cut."""
+    cut = cut_at(table, keyframes)
+    return cut if cut is table else replace(cut, ids=np.arange(len(cut)))
+
+
+def cut_at(table: Table, keyframes: IntArray) -> Table:
+    """Increments that do not overlap, cut at the keyframes (m,) [ticks, rising] within them, in order of time; parts
+    keep the number of their row. The table itself where there is nothing to cut."""
     start, stop = index_of(table.keys).T
     row_of = np.argsort(start, kind="stable")
     start, stop = start[row_of], stop[row_of]
@@ -189,7 +196,7 @@ def _split(table: Table, keyframes: IntArray) -> Table:
         keys=pose_key(table.robot, np.stack([begins, ends], -1)),
         values=pack(parts),
         whitening=W[rows] / np.sqrt(share)[:, None, None],
-        ids=np.arange(len(begins)),
+        ids=table.ids[rows],
     )
 
 

@@ -12,7 +12,8 @@ links             bytes from whom to whom: bodies of submaps, and all else; thos
 """
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,12 @@ import numpy as np
 
 from teamslam.errors import TeamslamError
 from teamslam.fleet import Fleet, Member
-from teamslam.geometry import Array, align
+from teamslam.frontend.agreed import with_poses
+from teamslam.geometry import Array, IntArray, align
 from teamslam.io import read_submaps
 from teamslam.joining import Joined, build, split
 from teamslam.metrics import score
-from teamslam.model import Dataset, Names, Submap, Values, pose_key, robot_of
+from teamslam.model import Dataset, Names, Submap, Values, is_pose, pose_key, robot_of
 from teamslam.robot import Estimate, Options
 from teamslam.robot.peer import EVERYONE
 from teamslam.team import SubmapSet
@@ -56,14 +58,30 @@ def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, A
 
 
 def offline_submaps(log: Dataset, options: Options) -> list[Submap]:
-    """What `split` and `build` make of a log; pieces that give no submap are left out, as they are live."""
-    found = []
-    for piece in split(log, poses_per_piece=options.poses_per_piece, heading_sigma=options.heading_sigma):
-        try:
-            found.append(build(piece))
-        except TeamslamError:
-            continue
-    return found
+    """What `split` and `build` make of a log, with poses wherever a submap of another robot names one (`agreed`);
+    pieces that give no submap are left out, as they are live."""
+    pieces = split(log, poses_per_piece=options.poses_per_piece, heading_sigma=options.heading_sigma)
+    made = [_built(piece) for piece in pieces]
+    while True:
+        named = np.unique(np.concatenate([np.zeros(0, np.int64), *(_named(submap) for submap in made if submap)]))
+        agreed = [with_poses(piece, piece.tables[0].robot, named) for piece in pieces]
+        if all(more is piece for more, piece in zip(agreed, pieces, strict=True)):
+            return [submap for submap in made if submap]
+        made = [old if a is b else _built(a) for a, b, old in zip(agreed, pieces, made, strict=True)]
+        pieces = agreed
+
+
+def _built(piece: Dataset) -> Submap | None:
+    try:
+        return build(piece)
+    except TeamslamError:
+        return None
+
+
+def _named(submap: Submap) -> IntArray:
+    """The poses of other robots that a submap names."""
+    keys = np.concatenate([submap.keys, *(table.keys.ravel() for table in submap.raw)])
+    return np.asarray(keys[is_pose(keys) & (robot_of(keys) != robot_of(submap.base))])
 
 
 def joined(known: SubmapSet) -> Joined | None:
@@ -76,7 +94,13 @@ def joined(known: SubmapSet) -> Joined | None:
 
 def bits_of(made: Joined | None) -> bytes:
     """A map to the bit."""
-    return b"" if made is None else b"".join(canonical(component.map) for component in made.components)
+    return b"" if made is None else bits_of_parts(component.map for component in made.components)
+
+
+def bits_of_parts(parts: Iterable[Submap]) -> bytes:
+    """The parts of a map to the bit, but for their versions: these say how often rows and poses came after a piece was
+    closed, which is of the course of things and not of the map."""
+    return b"".join(canonical(replace(part, version=0)) for part in parts)
 
 
 def links_of(found: Fleet, names: Names) -> list[dict[str, Any]]:
@@ -156,7 +180,7 @@ def report_of_folders(
 ) -> tuple[dict[str, Any], list[Submap]]:
     """The record of robots that wrote a folder each, by name, and the parts of the first one's map."""
     maps = {name: read_submaps(out / name / "maps") if (out / name / "maps").is_dir() else [] for name in statuses}
-    bits = {name: b"".join(map(canonical, parts)) for name, parts in maps.items()}
+    bits = {name: bits_of_parts(parts) for name, parts in maps.items()}
     offline = bits_of(joined(SubmapSet.of(*offline_submaps(log, options))))
     first = next(iter(maps.values()), [])
     alone = {name: joined(SubmapSet.of(*read_submaps(out / name / "submaps"))) for name in statuses}

@@ -51,13 +51,15 @@ class Rows(msgspec.Struct, frozen=True, array_like=True):
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What a journal holds: rows and bodies (submaps and removals, with their signatures) as they came, the versions of
-    closed pieces that got late rows, what landmarks are called, and what is damaged, in words."""
+    """What a journal holds: rows and bodies (submaps, announcements and removals, with their signatures) as they came,
+    the versions of closed pieces that got late rows or poses by agreement (`agreed`), what landmarks are called, and
+    what is damaged, in words."""
 
     tables: tuple[Table, ...] = ()
     bodies: tuple[Body, ...] = ()
     versions: Mapping[int, int] = field(default_factory=dict)
     names: Mapping[int, str] = field(default_factory=dict)
+    agreed: tuple[int, ...] = ()
     damaged: tuple[str, ...] = ()
 
 
@@ -73,6 +75,7 @@ class Journal:
         self._waiting: list[tuple[str, bytes]] = []
         self.lost = 0  # records that could not even wait
         self._versions: dict[int, int] = {}
+        self._agreed: set[int] = set()
         self._called, self._names = dict(head.names.landmarks), head.names
         self._base = self._opened()
 
@@ -86,11 +89,21 @@ class Journal:
 
     def step(self, robot: Robot) -> None:
         """Write down what a robot took in its last step."""
+        records = [("rows", self._packed(table)) for table in robot.took] + self._versioned(robot)
+        self._write(records + [("name", msgspec.msgpack.encode(pair)) for pair in self._fresh_names(robot)], sync=False)
+
+    def agree(self, robot: Robot) -> None:
+        """Write down the poses that a robot agreed to since."""
+        self._write(self._versioned(robot), sync=False)
+
+    def _versioned(self, robot: Robot) -> list[tuple[str, bytes]]:
+        """What makes pieces come again, but for rows: poses by agreement, and the versions that they have come to."""
+        agreed = [key for key in robot.agreed.tolist() if key not in self._agreed]
+        self._agreed.update(agreed)
         newer = {p.number: p.version for p in robot.closed if p.version > self._versions.get(p.number, 0)}
         self._versions |= newer
-        records = [("rows", self._packed(table)) for table in robot.took]
-        records += [("version", msgspec.msgpack.encode(pair)) for pair in newer.items()]
-        self._write(records + [("name", msgspec.msgpack.encode(pair)) for pair in self._fresh_names(robot)], sync=False)
+        found = [("agreed", msgspec.msgpack.encode(agreed))] if agreed else []
+        return found + [("version", msgspec.msgpack.encode(pair)) for pair in newer.items()]
 
     def _fresh_names(self, robot: Robot) -> list[tuple[int, str]]:
         if robot.head.names is self._names:
@@ -155,6 +168,8 @@ class Journal:
                     elif kind == "version":
                         number, version = msgspec.msgpack.decode(data, type=tuple[int, int])
                         self._versions[number] = max(version, self._versions.get(number, 0))
+                    elif kind == "agreed":
+                        self._agreed.update(msgspec.msgpack.decode(data, type=list[int]))
                     elif kind == "name":
                         landmark, name = msgspec.msgpack.decode(data, type=tuple[int, str])
                         self._called[landmark] = name
@@ -162,7 +177,8 @@ class Journal:
                         bodies.append(msgspec.msgpack.decode(data, type=Body))
                 except (ValueError, TypeError, AttributeError, msgspec.DecodeError) as error:
                     damaged.append(f"{self.path}: record {last} is damaged and left out: {error}")
-        return Memory(tuple(tables), tuple(bodies), dict(self._versions), dict(self._called), tuple(damaged))
+        agreed = tuple(sorted(self._agreed))
+        return Memory(tuple(tables), tuple(bodies), dict(self._versions), dict(self._called), agreed, tuple(damaged))
 
     # --- inside ---------------------------------------------------------------------------------------------------
 

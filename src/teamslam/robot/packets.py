@@ -4,10 +4,11 @@
     ask     tell me what you hold: to who holds something else; with a digest of each shelf of what is held here
     list    an entry for each thing held, on the shelves that differ
     want    send me the bodies with these digests
-    body    a submap's message or a removal, as it was heard, with the signature of its robot
+    body    a submap's message, an announcement or a removal, as it was heard, with the signature of its robot
 
-A submap's message is one of `teamslam.wire`, byte for byte what its robot made. A removal says that a submap, or all of
-a robot's, are out up to a version. Packets that make no sense raise InputError.
+A submap's message is one of `teamslam.wire`, byte for byte what its robot made. An announcement says which landmarks
+and whose poses a robot knows (`teamslam.team.knowledge`), a removal that a submap, or all of a robot's, are out up to a
+version. Packets that make no sense raise InputError.
 """
 
 import hashlib
@@ -32,7 +33,7 @@ Signature = Annotated[bytes, msgspec.Meta(max_length=128)]
 
 class Entry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """One thing held, a body of `size` bytes: a submap (`rows` numbers measured), or that an id was removed up to a
-    version (`gone`), or all submaps of a robot (`robot`)."""
+    version (`gone`), or all submaps of a robot (`robot`), or a page of what a robot knows (`knows`)."""
 
     id: Name
     version: Count
@@ -41,6 +42,7 @@ class Entry(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
     rows: Count = 0
     gone: bool = False
     robot: Count = 0
+    knows: bool = False
 
 
 class Have(msgspec.Struct, frozen=True, tag="have", array_like=True, forbid_unknown_fields=True):
@@ -69,7 +71,8 @@ class Want(msgspec.Struct, frozen=True, tag="want", array_like=True, forbid_unkn
 
 
 class Body(msgspec.Struct, frozen=True, tag="body", array_like=True, forbid_unknown_fields=True):
-    """A submap's message or a removal; `signature` by `robot` (0: whoever makes the team's certificates)."""
+    """A submap's message, an announcement or a removal; `signature` by `robot` (0: who makes the team's
+    certificates)."""
 
     data: bytes
     robot: Count = 0
@@ -84,14 +87,22 @@ class Removal(msgspec.Struct, frozen=True, tag="out", array_like=True, forbid_un
     version: Count
 
 
+class Announcement(msgspec.Struct, frozen=True, tag="knows", array_like=True, forbid_unknown_fields=True):
+    """A page of what a robot knows: keys, packed."""
+
+    robot: Count
+    page: Count
+    keys: bytes
+
+
 Packet = Have | Ask | List | Want | Body
 
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(Packet)
-_REMOVALS = msgspec.msgpack.Decoder(Removal)
+_NEWS = msgspec.msgpack.Decoder(Removal | Announcement)
 
 
-def to_bytes(packet: Packet | Removal) -> bytes:
+def to_bytes(packet: Packet | Removal | Announcement) -> bytes:
     """A packet on its way."""
     return _ENCODER.encode(packet)
 
@@ -105,13 +116,13 @@ def from_bytes(data: bytes) -> Packet:
         raise InputError(f"these bytes are no packet of a robot: {error}") from None
 
 
-def removal_from(data: bytes) -> Removal:
-    """The removal that a body's bytes are. Raises InputError where they are none."""
+def news_from(data: bytes) -> Removal | Announcement:
+    """The removal or announcement that a body's bytes are. Raises InputError where they are neither."""
     try:
-        removal: Removal = _REMOVALS.decode(data)
-        return removal
+        news: Removal | Announcement = _NEWS.decode(data)
+        return news
     except (msgspec.DecodeError, msgspec.ValidationError, UnicodeDecodeError) as error:
-        raise InputError(f"these bytes are neither a submap's message nor a removal: {error}") from None
+        raise InputError(f"these bytes are no submap's message, no announcement and no removal: {error}") from None
 
 
 def digest_of(data: bytes) -> bytes:

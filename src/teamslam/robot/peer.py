@@ -8,8 +8,8 @@ what is known already changes nothing. So robots that can reach each other, dire
 the end, and make one map of it, to the bit. A body is passed on as the bytes that were heard, and under a seal only
 what its own robot has signed is taken.
 
-Bodies wait for their turn: `rate` bytes a second to each robot. The one who asks says in which order: those with the
-most measurements first.
+Bodies wait for their turn: `rate` bytes a second to each robot. The one who asks says in which order: what others know
+by name first, which is small; then the submaps with the most measurements.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,9 +17,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
+import numpy as np
+
 from teamslam.errors import InputError, TeamslamError
+from teamslam.geometry import IntArray
 from teamslam.model import Submap
-from teamslam.robot.opened import Opened, opened
+from teamslam.robot.line import Content, Line
+from teamslam.robot.opened import announcements, opened
 from teamslam.robot.packets import (
     EVER,
     Ask,
@@ -38,7 +42,7 @@ from teamslam.robot.packets import (
     to_bytes,
 )
 from teamslam.robot.seal import Seal
-from teamslam.team import SubmapSet
+from teamslam.team import Knowledge, SubmapSet
 from teamslam.wire import send
 
 EVERYONE = 0  # in place of a robot's number: all that can be reached
@@ -74,69 +78,20 @@ class Outgoing:
     data: bytes
 
 
-@dataclass(frozen=True)
-class Sent:
-    """What went to one robot: packets and bytes of bodies, and of all else; and how many packets did not go, because
-    they would have been more than the budget."""
-
-    bodies: int = 0
-    body_bytes: int = 0
-    words: int = 0
-    word_bytes: int = 0
-    withheld: int = 0
-
-    @property
-    def bytes(self) -> int:
-        """In all."""
-        return self.body_bytes + self.word_bytes
-
-
-@dataclass(frozen=True, eq=False)
-class Content:
-    """A body that is held, and what it is."""
-
-    body: Body
-    opened: Opened
-
-    @property
-    def entry(self) -> Entry:
-        """Its entry in the list."""
-        return self.opened.entry
-
-    @property
-    def data(self) -> bytes:
-        """Its bytes."""
-        return self.body.data
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """What a robot knows of its line to another: when it last asked for the list; what the last list was of
-    (`listed`, a root), and what of it was lacked then; the bodies that the other waits for, when the next
-    may go, and how many of its packets were `refused`."""
-
-    asked_s: float = -1e300
-    listed: bytes | None = None
-    lists: tuple[Entry, ...] = ()
-    waiting: tuple[bytes, ...] = ()
-    free_s: float = 0.0
-    sent: Sent = Sent()
-    refused: int = 0
-
-
 @dataclass(frozen=True, eq=False)
 class Peer:
     """A robot among others. `seal`: how it signs, and knows what others signed; None: nobody signs.
 
-    `held`: what it knows of the team; `bodies` by digest; `lines` to others by their number; `wanted`: when each body
-    was last asked for, and how often; `announced_s`: when it last told what it holds; `refused`: packets that made no
-    sense, by reason.
+    `held`: the team's submaps, `known`: what each robot knows by name, as far as was heard; `bodies` by digest; `lines`
+    to others by their number; `wanted`: when each body was last asked for, and how often; `announced_s`: when it last
+    told what it holds; `refused`: packets that made no sense, by reason.
     """
 
     number: int
     habits: Habits = field(default_factory=Habits)
     seal: Seal | None = None
     held: SubmapSet = field(default_factory=SubmapSet)
+    known: Knowledge = field(default_factory=Knowledge)
     bodies: Mapping[bytes, Content] = field(default_factory=lambda: MappingProxyType({}))
     lines: Mapping[int, Line] = field(default_factory=lambda: MappingProxyType({}))
     wanted: Mapping[bytes, tuple[float, int]] = field(default_factory=lambda: MappingProxyType({}))
@@ -171,15 +126,18 @@ class Peer:
 
     @cached_property
     def missing(self) -> tuple[Entry, ...]:
-        """What others said they hold, and this one lacks: those with the most measurements first."""
+        """What others said they hold, and this one lacks: what they know first, then submaps with the most
+        measurements."""
         known = {e.digest: e for line in self.lines.values() for e in line.lists}
         lacked = [entry for entry in known.values() if entry.digest not in self.bodies and self._news(entry)]
-        return tuple(sorted(lacked, key=lambda entry: (-entry.rows, entry.digest)))
+        return tuple(sorted(lacked, key=lambda entry: (not entry.knows, -entry.rows, entry.digest)))
 
     def _news(self, entry: Entry) -> bool:
         """Whether what an entry stands for would change what is held."""
         if entry.robot:
             return self.held.removed_robots.get(entry.robot, -1) < entry.version
+        if entry.knows:
+            return all(c.entry.version <= entry.version for c in self.bodies.values() if c.entry.id == entry.id)
         mine = self.held.held.get(entry.id)
         if mine is None:
             return True
@@ -192,11 +150,17 @@ class Peer:
         return self.held.removed_robots.get(robot, -1) == EVER
 
     def with_submaps(self, submaps: Iterable[Submap]) -> "Peer":
-        """With submaps of its own, new or in newer versions. Of a version there is one message: where that is held, it
-        stays."""
+        """With submaps of its own, new or in newer versions, and what they name told to others. Of a version there is
+        one message: where that is held, it stays."""
         held = self.held.held
-        fresh = (s for s in submaps if s.id not in held or held[s.id].version < s.version)
-        return self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in fresh)
+        fresh = [s for s in submaps if s.id not in held or held[s.id].version < s.version]
+        peer = self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in fresh)
+        named = [keys for s in fresh for keys in (s.keys, *(table.keys.ravel() for table in s.raw))]
+        return peer.knowing(np.concatenate(named)) if named else peer
+
+    def knowing(self, keys: IntArray) -> "Peer":
+        """With landmarks and poses of others that it knows, as announcements."""
+        return self.with_bodies(announcements(self.known.with_more(self.number, keys)))
 
     def with_bodies(self, bodies: Iterable[bytes]) -> "Peer":
         """With submaps of its own as messages, or removals, which it signs. Raises InputError where one is not sound,
@@ -241,9 +205,10 @@ class Peer:
         if self.seal is not None:
             self.seal.refuse_borrowed(body, found)
         held = self.held.merge(found.news)
+        known = self.known.merge(found.told) if found.told.pages else self.known
         bodies = {**self.bodies, digest: Content(body, found)}
-        kept = {d: c for d, c in bodies.items() if c.entry.id != found.entry.id or c.opened.stands(held)}
-        return replace(self, held=held, bodies=MappingProxyType(kept))
+        kept = {d: c for d, c in bodies.items() if c.entry.id != found.entry.id or c.opened.stands(held, known)}
+        return replace(self, held=held, known=known, bodies=MappingProxyType(kept))
 
     # --- a step ---------------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
     step     rows in, the robot after them out; the pose of now with its covariance is there at once
     close    the pieces that have come to an end: what `teamslam.split` makes of the same rows, to the bit
+    agree    poses where others saw it and it had none (`frontend.agreed`), in closed pieces as in those to come
     renew    the filter begins anew from a map in which earlier pieces lie (`outlook`), and goes through the open rows
 
 Rows may come late, twice and out of order, up to `horizon_s` behind the newest; what comes later is dropped and
@@ -20,6 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.agreed import with_poses
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.build.split import MIN_POSES, apart, cuts, refuse_borrowed
 from teamslam.model import Dataset, Names, Table, pose_key
@@ -81,7 +83,7 @@ class Counts:
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A closed stretch: its rows, up to the pose `end` at which the next begins (None: the last of the log). `version`
-    counts the rows that came after it was closed."""
+    counts how often something came after it was closed: rows, or poses by agreement."""
 
     number: int
     end: int | None
@@ -94,7 +96,8 @@ class Robot:
     """All that a robot knows of its own log.
 
     `head`: its channels (`rows`); `newest`: the tick of its newest row; `open`: batches that are in no closed piece, in
-    order; `since`: the pose at which its log was cut last; `took`: what was new in the last step.
+    order; `since`: the pose at which its log was cut last; `took`: what was new in the last step; `agreed`: poses of
+    its own as others named them, rising, whether its odometry passes there or not.
     """
 
     number: int
@@ -107,6 +110,7 @@ class Robot:
     counts: Counts = field(default_factory=Counts)
     trail: Trail = ()
     took: tuple[Table, ...] = ()
+    agreed: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @classmethod
     def of(cls, log: Dataset, number: int, options: Options | None = None) -> "Robot":
@@ -135,16 +139,19 @@ class Robot:
         """With what everybody is called by now."""
         return self if names is self.head.names else replace(self, head=replace(self.head, names=names))
 
-    def remembering(self, tables: Iterable[Table], versions: Mapping[int, int] | None = None) -> "Robot":
-        """The robot after rows that it took once already, in any order, each once: its pieces, of which some have come
-        to `versions` by their number, and its filter along the open rows, in a frame of its own until it is renewed.
-        Law: its pieces are those of steps through the same rows."""
+    def remembering(
+        self, tables: Iterable[Table], versions: Mapping[int, int] | None = None, agreed: Iterable[int] = ()
+    ) -> "Robot":
+        """The robot after rows that it took once already, in any order, each once, and poses that it agreed on: its
+        pieces, of which some have come to `versions` by their number, and its filter along the open rows, in a frame of
+        its own until it is renewed. Law: its pieces are those of steps through the same rows."""
         known = tuple(sorted((b for table in tables for b in batches(self.head, table)), key=rank_of))
         newest = max((batch.time for batch in known), default=ALWAYS)
         counts = Counts(taken=sum(len(batch.table) for batch in known))
         robot = replace(self, open=known, newest=newest, counts=counts).close()
         closed = tuple(replace(p, version=(versions or {}).get(p.number, 0)) for p in robot.closed)
-        return replace(robot, closed=closed, trail=along((), robot.open, robot._pace(newest)))
+        trail, known_poses = along((), robot.open, robot._pace(newest)), np.unique(np.array(list(agreed), np.int64))
+        return replace(robot, closed=closed, trail=trail, agreed=known_poses)
 
     # --- stepping -------------------------------------------------------------------------------------------------
 
@@ -209,7 +216,23 @@ class Robot:
 
     def pieces(self, number: int) -> list[Dataset]:
         """The pieces of log of a closed stretch: one, or several where odometry is missing within it."""
-        return apart(log_of(self.head, self.closed[number].rows), self.number)
+        return apart(with_poses(log_of(self.head, self.closed[number].rows), self.number, self.agreed), self.number)
+
+    def agreeing(self, keys: IntArray) -> "Robot":
+        """With poses at times at which others saw it (its own keys). A closed piece whose odometry passes there comes
+        again in a new version. Law: the order and repetition of keys change no piece."""
+        fresh = np.setdiff1d(keys, self.agreed)
+        if not len(fresh):
+            return self
+        closed = tuple(
+            replace(piece, version=piece.version + 1) if self._passes(piece, fresh) else piece for piece in self.closed
+        )
+        return replace(self, agreed=np.union1d(self.agreed, fresh), closed=closed)
+
+    def _passes(self, piece: Piece, keys: IntArray) -> bool:
+        """Whether some poses by agreement are new in a piece."""
+        rows = with_poses(log_of(self.head, piece.rows), self.number, self.agreed)
+        return with_poses(rows, self.number, keys) is not rows
 
     def _cuts(self, until: int | None) -> IntArray:
         return cuts(

@@ -2,6 +2,7 @@
 opens them.
 
     a submap        is signed by the robot whose rows it holds, all of them, and bears an id that begins with its name
+    an announcement is signed by the robot that knows
     a removal       is signed by the robot whose submaps are out, or by whoever makes the team's certificates
 
 So neither who passes a body on nor another member can alter, invent or withdraw one. It knows functions that sign and
@@ -54,7 +55,7 @@ class Seal:
             whose = ", ".join(map(str, found.robots))
             raise InputError(f"robot {signer} signed a body that is of robot {whose or 'nobody'}", field="signature")
         name = self.names.robot(signer)
-        if not entry.robot and entry.id.rpartition("/")[0] != name:
+        if not entry.robot and not entry.knows and entry.id.rpartition("/")[0] != name:
             raise InputError(
                 f"robot {signer} signed a body with the id {entry.id}; here it is called {name}, and its ids are "
                 f"{name}/...: give all robots the same names",
