@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -59,3 +60,39 @@ def test_the_example_in_the_documentation_names_only_what_is_there() -> None:
     """ts.something is exported."""
     used = set(re.findall(r"\bts\.(\w+)", teamslam.__doc__ or ""))
     assert used and used <= set(teamslam.__all__)
+
+
+FUNCTIONS = [name for name in teamslam.__all__ if name.islower()]
+FIRST = {name: () for name in FUNCTIONS} | {  # what the other arguments are, where there must be some
+    "score": (None,), "verdict": (None,), "write": ("x",), "write_run": ("x",), "write_submaps": ("x",)
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("given", [None, 5, 2.5, ["x"], object(), {}], ids=lambda given: type(given).__name__)
+def test_what_is_something_else_gets_a_sentence(name: str, given: object, tmp_path: Path) -> None:
+    """Whatever is handed to a function in place of what it takes: what was expected, and what was found."""
+    with pytest.raises(teamslam.TeamslamError, match=r"expected .*found (nothing|an? \w+)|nothing to join"):
+        getattr(teamslam, name)(given, *(tmp_path / "x" if other == "x" else other for other in FIRST[name]))
+    assert not any(tmp_path.iterdir())
+
+
+def test_neighbours_in_the_story_are_told_apart(tmp_path: Path) -> None:
+    """A path for a log, a log for submaps, a run for a map or a join, no truth, a word for a number."""
+    log = teamslam.simulate("2d", robots=2, poses=6)
+    team = teamslam.run(log)
+    for call, words in {
+        lambda: teamslam.build("two"): "expected a piece of a log .*ts.split.*found a str",
+        lambda: teamslam.split("two"): "expected a log .*ts.read.*found a str",
+        lambda: teamslam.full("two"): "expected a log .*ts.read.*found a str",
+        lambda: teamslam.join(log): "expected submaps .*ts.build.*found a Dataset",
+        lambda: teamslam.join(team.map): "expected submaps .*in a list, found a Submap",
+        lambda: teamslam.score(team, log.truth): "expected a map .*team.map.*found a Result",
+        lambda: teamslam.score(team.map, None): "expected a truth .*log.truth.*found nothing",
+        lambda: teamslam.verdict(log, team): "expected what ts.join.*run.verdict.*found a Result",
+        lambda: teamslam.write(team, tmp_path / "x"): "expected a log .*found a Result",
+        lambda: teamslam.write_run(team.joined, tmp_path / "x"): "expected a run .*found a Joined",
+        lambda: teamslam.simulate("2d", robots="three"): "'robots': expected a number, such as .*found a str",
+    }.items():
+        with pytest.raises(teamslam.TeamslamError, match=words):
+            call()

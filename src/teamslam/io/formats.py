@@ -16,7 +16,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import Anchor
 from teamslam.io.looks import described
 from teamslam.io.maps.estimate import MapEstimate
-from teamslam.model import Dataset, Dropped, Submap
+from teamslam.model import A_LOG, A_PATH, Dataset, Dropped, Submap, expect
 
 Progress = Callable[[str, int, int], None]
 
@@ -121,7 +121,7 @@ def read_log(
     progress: Progress | None = None,
 ) -> Dataset:
     """As `read`; `progress` hears how far it is (a stage in words, parts done, of all) where reading takes its time."""
-    path = Path(path)
+    path = _path(path)
     row = _row(FORMATS, path, format)
     heard = {"progress": progress} if row.reports else {}
     found: Dataset = row.function("read")(path, options, **heard)
@@ -134,7 +134,8 @@ def write(dataset: Dataset, path: str | Path, format: str | None = None) -> tupl
     Returns what the format has no place for, and what was said in other words. Raises InputError where it cannot hold
     a measurement, and names the formats that hold them all.
     """
-    path = Path(path)
+    path = _path(path)
+    expect(dataset, Dataset, A_LOG)
     row = _row_to_write(FORMATS, path, format, "plain")
     problem: str | None = row.function("lacks")(dataset)
     if problem is not None:
@@ -148,14 +149,17 @@ def write(dataset: Dataset, path: str | Path, format: str | None = None) -> tupl
 
 def read_submaps(path: str | Path, format: str | None = None) -> list[Submap]:
     """The submaps in a file or folder, of the format named or told by its looks. InputError says what is wrong."""
-    path = Path(path)
+    path = _path(path)
     found: list[Submap] = _row(SUBMAP_FORMATS, path, format).function("read")(path)
     return found
 
 
 def write_submaps(submaps: Sequence[Submap], path: str | Path, format: str = "teamslam") -> tuple[Dropped, ...]:
     """Writes submaps into a folder, one file each. Returns what the format has no place for."""
-    losses: tuple[Dropped, ...] = _row_to_write(SUBMAP_FORMATS, Path(path), format, "teamslam").function("write")(
+    expect(submaps, Sequence, "submaps (of ts.build or ts.join), in a list")
+    for submap in submaps:
+        expect(submap, Submap, "submaps (of ts.build or ts.join)")
+    losses: tuple[Dropped, ...] = _row_to_write(SUBMAP_FORMATS, _path(path), format, "teamslam").function("write")(
         submaps, Path(path)
     )
     return losses
@@ -169,7 +173,7 @@ def write_maps(
 
     Formats of places on the Earth take an `anchor`, and no others do (InputError).
     """
-    path = Path(path)
+    path = _path(path)
     row = _row_to_write(MAP_FORMATS, path, format, None)
     if row.anchored and anchor is None:
         raise InputError(
@@ -186,17 +190,22 @@ def write_maps(
 
 def read_maps(path: str | Path, format: str | None = None) -> list[MapEstimate]:
     """The finished maps in a file, of the format named or told by its looks. InputError says what is wrong."""
-    path = Path(path)
+    path = _path(path)
     found: list[MapEstimate] = _row(MAP_FORMATS, path, format).function("read")(path)
     return found
 
 
 def formats_of(path: str | Path) -> list[tuple[str, str]]:
     """What a path looks like: the kinds ('log', 'submaps', 'map') and formats that its beginning or its files fit."""
-    path = Path(path)
+    path = _path(path)
     if not path.exists():
         raise InputError("there is no such file or folder; check the path", path=path)
     return [(kind, name) for kind, rows in KINDS.items() for name in _fitting(rows, path)]
+
+
+def _path(given: object) -> Path:
+    expect(given, str | Path, A_PATH)
+    return Path(given)  # type: ignore[arg-type]
 
 
 def _fitting(rows: dict[str, Format], path: Path) -> list[str]:

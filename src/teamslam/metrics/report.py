@@ -11,7 +11,7 @@ from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
 from teamslam.metrics.contradicted import Contradiction, contradicted, told_of
 from teamslam.metrics.frames import Aligned, align_team
-from teamslam.model import Submap, Values
+from teamslam.model import Submap, Values, expect
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,10 @@ def score(map: Submap, truth: Values, *, covariances: Marginals | None = None) -
     """A map (or submap) against a truth that knows some of its variables, in any frame.
 
     `covariances` of the map add the NEES of variables one by one. Laws: score(map, its own values) has no error; moving
-    the truth as a whole changes nothing.
+    the truth as a whole changes nothing. ModelError where either is something else.
     """
+    expect(map, Submap, "a map (a Submap, such as team.map)")
+    expect(truth, Values, "a truth (Values, such as log.truth, which is None where the log holds none)")
     aligned = align_team(map, truth)
     found = replace(_compared(map, aligned), fit=fit_of(map))
     if aligned is None or not aligned.held:

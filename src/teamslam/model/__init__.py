@@ -2,8 +2,11 @@
 
 from teamslam.model.account import LeftOut
 from teamslam.model.asked import (
+    A_LOG,
+    A_PATH,
     Asked,
     a_kind,
+    expect,
     is_whole,
     key_asked,
     landmark_asked,
@@ -38,6 +41,8 @@ from teamslam.model.tables import Table
 from teamslam.model.values import Values, pack, unpack
 
 __all__ = [
+    "A_LOG",
+    "A_PATH",
     "LOSSES",
     "MODELS",
     "SQUARED",
@@ -60,6 +65,7 @@ __all__ = [
     "a_kind",
     "among",
     "chi2_quantile",
+    "expect",
     "index_of",
     "is_landmark",
     "is_parameter",

@@ -10,6 +10,7 @@ Law: what `Names.describe` says of a key leads back to it. Whatever is not there
 """
 
 from collections.abc import Collection, Sequence
+from types import UnionType
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from teamslam.geometry import IntArray
 from teamslam.model.keys import WORLD, Names, index_of, is_landmark, is_pose, pose_key, robot_of
 
 SAME_S = 0.5e-3  # [s] stamps that are printed alike are one
+A_LOG = "a log (a Dataset, of ts.read or ts.simulate)"  # what is expected, in a sentence
+A_PATH = "a path (text, or a pathlib.Path)"
 MOST = 8  # names told of those there are
 Asked = str | int
 
@@ -129,6 +132,12 @@ def _words(asked: Any, expected: str) -> str:
     if not isinstance(asked, str):
         raise ModelError(f"{expected}; found {a_kind(asked)}")
     return asked.strip()
+
+
+def expect(given: object, kind: type | UnionType, words: str) -> None:
+    """ModelError in a sentence where what is given is not of a kind; `words` say what is, and where it comes from."""
+    if not isinstance(given, kind):
+        raise ModelError(f"expected {words}, found {a_kind(given)}")
 
 
 def a_kind(found: object) -> str:

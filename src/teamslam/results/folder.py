@@ -34,7 +34,7 @@ from teamslam.io.files.npz import write_arrays
 from teamslam.io.files.whole import named
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.io.submaps import arrays as submaps
-from teamslam.model import Layout, Submap, Values
+from teamslam.model import A_PATH, Layout, Submap, Values, expect
 from teamslam.pipeline import Result
 from teamslam.results.archive import write_archive
 from teamslam.results.drawing import drawing
@@ -59,6 +59,8 @@ def write_run(result: Result, folder: str | Path, *, replace: bool = False, figu
     Raises InputError where the folder is there already and not empty, unless it is a run folder to `replace`; OSError
     names the file that cannot be written.
     """
+    expect(result, Result, "a run (of ts.run)")
+    expect(folder, str | Path, A_PATH)
     folder = Path(folder)
     refuse_to_overwrite(folder, replace=replace, ours=OURS)
     record = Record.of(result)
@@ -103,6 +105,7 @@ def known(report: Any) -> Any:
 
 def read_run(folder: str | Path) -> Record:
     """The record in a run folder. Raises InputError naming the file that is missing or damaged."""
+    expect(folder, str | Path, A_PATH)
     folder = Path(folder)
     for name in ("maps", "report.json", "history.csv", "log.npz"):
         if not (folder / name).exists():

@@ -40,7 +40,11 @@ def refuse_to_overwrite(
     if not held:
         return
     if not replace:
-        cure = "choose another, or empty it" if replace is None else "choose another, or replace it with --force"
+        cure = (
+            "choose another, or empty it"
+            if replace is None
+            else "choose another, or replace it with --force (in a script: replace=True)"
+        )
         raise InputError(f"the output folder is not empty; {cure}", path=folder)
     if not is_run(folder):
         raise InputError("the output folder holds something that is no run; it is left alone", path=folder)

@@ -7,6 +7,7 @@ simulate("2d", robots=5, landmarks=40)                       # a row of PRESETS 
 """
 
 from dataclasses import fields, replace
+from numbers import Real
 from typing import Any
 
 from teamslam.errors import InputError
@@ -78,6 +79,9 @@ def changed(options: Options | PaperOptions | str, changes: dict[str, Any]) -> O
     for name in changes:
         if name not in known:
             raise InputError(f"these worlds have no option '{name}'; {nearest(name, known)}", field=name)
+        now = getattr(options, name)
+        if isinstance(now, Real) and not isinstance(changes[name], Real):
+            raise InputError(f"expected a number, such as {now}; found {a_kind(changes[name])}", field=name)
     try:
         return replace(options, **changes)
     except TypeError as error:

@@ -22,7 +22,7 @@ import numpy as np
 from teamslam.errors import SolveError, in_words
 from teamslam.joining import AtMap, Joined
 from teamslam.joining.build.build import CURE
-from teamslam.model import Dataset, Names, robot_of
+from teamslam.model import A_LOG, Dataset, Names, expect, robot_of
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.noise import noise_causes
@@ -87,6 +87,8 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
     it again. Law: for the squared loss and a right model `cost` is distributed as chi-square with `dof` degrees of
     freedom where the map is that of full least squares.
     """
+    expect(dataset, Dataset, A_LOG)
+    expect(joined, Joined, "what ts.join or ts.full gave (a run has its own: run.verdict)")
     at = at or [AtMap(dataset.tables, component.map) for component in joined.components]
     try:
         parts = tuple(map(residuals_at, at))

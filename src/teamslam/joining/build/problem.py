@@ -27,6 +27,7 @@ from teamslam.model import (
     Table,
     Values,
     among,
+    expect,
     index_of,
     is_landmark,
     is_pose,
@@ -175,6 +176,7 @@ def _sees_a_pose(tables: Iterable[Table]) -> bool:
 
 def the_robot(piece: Dataset) -> int:
     """The one robot whose measurements a piece holds. Raises ModelError where they are of several, or of none."""
+    expect(piece, Dataset, "a piece of a log (a Dataset, of ts.split)")
     owners = sorted({table.robot for table in piece.tables})
     if len(owners) != 1:
         raise ModelError(f"a submap is built from one robot's measurements, found those of {len(owners)} robots")

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.start.odometry import heading_variances
-from teamslam.model import Dataset, Names, Table, is_pose, robot_of
+from teamslam.model import A_LOG, Dataset, Names, Table, expect, is_pose, robot_of
 
 MIN_POSES = 10  # pieces cut by heading are not shorter: they would cost more to join than they save
 
@@ -33,6 +33,7 @@ def split(dataset: Dataset, *, poses_per_piece: int | None = None, heading_sigma
     summed along the odometry, reaches it. Law: the pieces' tables together hold every row of the dataset's tables
     once. Raises ModelError where a row in a robot's table was taken from another robot's pose.
     """
+    expect(dataset, Dataset, A_LOG)
     return [
         piece
         for robot in sorted(dataset.robots)

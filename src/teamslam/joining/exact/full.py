@@ -22,7 +22,7 @@ from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
 from teamslam.joining.join.optimum import in_the_way, less
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values, is_landmark
+from teamslam.model import A_LOG, WORLD, Dataset, Sources, Submap, Table, Values, expect, is_landmark
 from teamslam.solver import Options, Solution, Step, System, reach
 from teamslam.solver.optimise import DEFAULTS
 
@@ -42,6 +42,7 @@ def full(
     component's map is in the same frame as that of the join. What is in none of them is in `left_out`, a piece of which
     no submap can be built among it. Raises SolveError where none can, else as `join` does.
     """
+    expect(dataset, Dataset, A_LOG)
     if initial is not None:
         return _from(dataset, initial, options, progress)
     rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))

@@ -29,9 +29,11 @@ from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, Placement, place
 from teamslam.joining.place.reasons import Held
 from teamslam.joining.start.twofold import RULED_OUT
-from teamslam.model import Dataset, Kind, LeftOut, Submap
+from teamslam.model import Dataset, Kind, LeftOut, Submap, expect
 from teamslam.solver import Covariances, Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
+
+SUBMAPS = "submaps (of ts.build or ts.read_submaps)"
 
 
 @dataclass(frozen=True)
@@ -195,7 +197,9 @@ def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:
 def in_order(submaps: Iterable[Submap]) -> list[Submap]:
     """The submaps sorted by the robot and time of their base, then by id; the newest version of each."""
     newest: dict[str, Submap] = {}
+    expect(submaps, Iterable, f"{SUBMAPS}, in a list")
     for submap in submaps:
+        expect(submap, Submap, SUBMAPS)
         held = newest.get(submap.id)
         if held is not None and held.version == submap.version and held is not submap:
             raise ModelError(f"two different submaps are both called {submap.id}, version {submap.version}")
