@@ -38,13 +38,16 @@ class Options:
     """How to solve.
 
     `rule`: a row of RULES. It has converged when a step leaves the optimum at most `decrement` [sigmas] away, or the
-    decrease still to be had below `cost_share` of the cost. Raises InputError for values that make no sense.
+    decrease still to be had below `cost_share` of the cost. `elsewhere`: whether what ends short of an optimum, or in
+    one that makes no sense, goes on from other starts; a what-if beside an optimum that is known has no use for them.
+    Raises InputError for values that make no sense.
     """
 
     rule: str = "levenberg_marquardt"
     max_iterations: int = 1000
     decrement: float = 1e-6
     cost_share: float = 1e-16
+    elsewhere: bool = True
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:

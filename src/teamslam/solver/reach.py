@@ -5,7 +5,12 @@ elsewhere.
     convex      where losses forgive, from the optimum under a loss that does not
     sharpened   where some measure far sharper than others, from optima under which they do not yet (see `sharpening`)
 
-A start is a guess. Where it leads to an optimum that makes sense, that is all there is to do.
+A start is a guess. Where it leads to an optimum that makes sense, that is all there is to do. Where rows contradict
+each other no optimum makes sense, and better ones are looked for in vain: so each start is tried once, and one that
+leads back to what was found is the last.
+
+Bound: AGAIN + 2 solves, and rough ones of a few iterations that make their starts: one for each time off kinks, one for
+convex, and of sharpened one for each factor of ten between sigmas. None where `Options.elsewhere` is off.
 """
 
 import math
@@ -28,6 +33,9 @@ from teamslam.solver.system import System
 FEW = 30  # iterations without the rows at a kink
 ROUNDING = 0.5**53  # of the diagonal of H: each of its numbers is known no better
 AGAIN = 3  # times, at most, that rows come to a kink
+PATIENCE = 100  # iterations under a loss that does not forgive, which a start is worth
+THERE = 1.0  # [sigmas] from an optimum: a start that is there already
+SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
 
 
 def reach(
@@ -50,11 +58,13 @@ def reach(
         ended = found.values
     except Open as error:
         problem, ended = error, error.values
-    for other in _others(system, start, ended, options):
+    for other in _others(system, start, ended, options) if options.elsewhere else ():
         try:
             another = firm(system, optimise(system, other, options, progress, factor))
         except SolveError:
             continue
+        if found is not None and same_optimum(found, another):
+            break
         found = another if found is None else min(found, another, key=lambda s: (not s.converged, s.cost))
         if _makes_sense(found):
             break
@@ -66,6 +76,11 @@ def reach(
 
 def _makes_sense(solution: Solution) -> bool:
     return solution.converged and not solution.senseless
+
+
+def same_optimum(one: Solution, other: Solution) -> bool:
+    """Whether two searches ended in optima that cost the same to rounding, which are taken for one."""
+    return one.converged and other.converged and abs(one.cost - other.cost) <= SAME * (1.0 + one.cost)
 
 
 def firm(system: System, solution: Solution) -> Solution:
@@ -157,13 +172,18 @@ def convex_start(system: System, start: Values, options: Options = DEFAULTS) -> 
     """A better start where losses forgive far outliers: under those, a start may lie beyond what they still see.
 
     Huber's loss of the same scale has one basin for each row; it is solved first, roughly. Where no loss forgives, or
-    where that leads to nothing better (onto the sensor, say, where a landmark may have any bearing), `start`.
+    where that leads to nothing better (onto the sensor, say, where a landmark may have any bearing), or to where it
+    began, `start`.
     """
     convex = system.convex()
     if convex is system:
         return start
+    rough = replace(
+        options, max_iterations=min(options.max_iterations, PATIENCE), decrement=max(options.decrement, 0.1)
+    )
     try:
-        rough = optimise(convex, start, replace(options, decrement=max(options.decrement, 0.1))).values
+        found = optimise(convex, start, rough)
     except SolveError:
         return start
-    return rough if system.cost(rough) < system.cost(start) else start
+    moved = found.history[0].decrement > THERE if found.history else False
+    return found.values if moved and system.cost(found.values) < system.cost(start) else start

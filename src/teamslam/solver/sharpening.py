@@ -13,7 +13,7 @@ to Numerical Continuation Methods", 2003, ch. 1).
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,7 +28,7 @@ TENFOLD = 10.0  # sharper with every solve
 FEW = 60  # iterations of each at most
 ROUGH = 0.1  # [sigmas] from its optimum
 NOTHING = 1e-12  # of the sharpest: no direction that is measured
-DENSE = 1000  # unknowns: the roots of larger submaps are not made, and there is no such start
+DENSE = 400  # unknowns: the roots of larger submaps are not made, and there is no such start
 
 
 def sharpened_start(system: System, start: Values, options: Options) -> Values | None:
@@ -37,7 +37,8 @@ def sharpened_start(system: System, start: Values, options: Options) -> Values |
     roots = _roots(system.submaps)
     if roots is None:
         return None
-    sharpness = np.concatenate([_sharpness(W) for W in (*(t.whitening for t in system.tables), *roots)])
+    tables = [_Spectrum.of(table.whitening) for table in system.tables]
+    sharpness = np.concatenate([spectrum.sizes.ravel() for spectrum in (*tables, *roots)])
     sharpest = float(sharpness.max(initial=0.0))
     cap = TENFOLD * float(sharpness[sharpness > NOTHING * sharpest].min(initial=sharpest))
     if not cap < sharpest:
@@ -46,38 +47,45 @@ def sharpened_start(system: System, start: Values, options: Options) -> Values |
     values = start
     while cap < sharpest:
         with suppress(SolveError):  # a guess stays a guess
-            values = optimise(_blunted(system, roots, cap), values, rough).values
+            values = optimise(_blunted(system, tables, roots, cap), values, rough).values
         cap *= TENFOLD
     return values
 
 
-def _roots(terms: Sequence[SubmapTerm]) -> list[Array] | None:
+@dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """W = U S V' (.., m, n), found once for all caps."""
+
+    left: Array
+    sizes: Array
+    right: Array
+
+    @classmethod
+    def of(cls, whitening: Array) -> "_Spectrum":
+        """That of whitening matrices."""
+        return cls(*np.linalg.svd(whitening, full_matrices=False))
+
+    def capped(self, cap: float) -> Array:
+        """W with its singular values held to a cap."""
+        return np.asarray((self.left * np.minimum(self.sizes, cap)[..., None, :]) @ self.right)
+
+
+def _roots(terms: Sequence[SubmapTerm]) -> list[_Spectrum] | None:
     """W with W'W the information of each submap, whose singular values are good where those of the information have
     long been rounded away."""
     if any(term.values.layout.dof > DENSE for term in terms):
         return None
     try:
-        return [np.linalg.cholesky(term.information.toarray()).T for term in terms]
+        return [_Spectrum.of(np.linalg.cholesky(term.information.toarray()).T) for term in terms]
     except np.linalg.LinAlgError:
         return None
 
 
-def _sharpness(whitening: Array) -> Array:
-    """All singular values."""
-    return np.asarray(np.linalg.svd(whitening, compute_uv=False)).ravel()
-
-
-def _blunted(system: System, roots: Sequence[Array], cap: float) -> System:
+def _blunted(system: System, tables: Sequence[_Spectrum], roots: Sequence[_Spectrum], cap: float) -> System:
     """The same problem in which nothing is measured sharper than `cap`."""
-    tables = [replace(table, whitening=_capped(table.whitening, cap)) for table in system.tables]
     terms = []
     for term, root in zip(system.submaps, roots, strict=True):
-        blunt = _capped(root, cap)
+        blunt = root.capped(cap)
         terms.append(replace(term, information=sp.csr_array(blunt.T @ blunt)))
-    return system.alike(tables, terms)
-
-
-def _capped(whitening: Array, cap: float) -> Array:
-    """W (.., n, n) with its singular values held to a cap."""
-    left, sizes, right = np.linalg.svd(whitening)
-    return np.asarray((left * np.minimum(sizes, cap)[..., None, :]) @ right)
+    blunted = [replace(t, whitening=of.capped(cap)) for t, of in zip(system.tables, tables, strict=True)]
+    return system.alike(blunted, terms)

@@ -15,7 +15,7 @@ from teamslam.geometry import IntArray
 from teamslam.joining import Joined, build, join, separators, split
 from teamslam.joining.condense.condense import condense_what_pays
 from teamslam.model import Dataset, Names, Submap, Table, index_of, is_landmark, is_pose, robot_of
-from teamslam.solver import side_by_side
+from teamslam.solver import Options, side_by_side
 from teamslam.trust.influence.liars import Judgement, anybody_could_lie, liars
 from teamslam.trust.influence.words import sentences_on_robots
 from teamslam.trust.labels.changes import Change
@@ -23,6 +23,8 @@ from teamslam.trust.labels.constellations import renamed
 from teamslam.trust.labels.robots import Mistaken, mistaken_robots, put_right
 from teamslam.trust.labels.search import Finding, mislabelled
 from teamslam.trust.labels.words import sentence_on_label, sentence_on_mistaken
+
+ROUGH = Options(max_iterations=100, decrement=0.01)  # what nobody keeps needs no more
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,8 @@ class Suspicions:
 def suspicions(log: Dataset, submaps: Sequence[Submap], joined: Joined | None = None) -> Suspicions:
     """What is suspicious in a log and the submaps that were built of it, of which `joined` is the map; None where there
     is none yet."""
-    mistaken = _mistaken(log, submaps, joined)
+    joined = _map_of(submaps) if joined is None else joined
+    mistaken = mistaken_robots(log, submaps, joined) if joined is not None else []
     if mistaken:
         submaps, joined = _built_again(log, submaps, mistaken), None
     if joined is None or anybody_could_lie(submaps, joined):
@@ -71,11 +74,11 @@ def suspicions(log: Dataset, submaps: Sequence[Submap], joined: Joined | None = 
     return Suspicions(tuple(labels), tuple(mistaken), judged, log.names)
 
 
-def _mistaken(log: Dataset, submaps: Sequence[Submap], joined: Joined | None) -> list[Mistaken]:
+def _map_of(submaps: Sequence[Submap]) -> Joined | None:
     try:
-        return mistaken_robots(log, submaps, join(submaps) if joined is None else joined)
+        return join(submaps, options=ROUGH)
     except SolveError:
-        return []
+        return None
 
 
 def _built_again(log: Dataset, submaps: Sequence[Submap], mistaken: Sequence[Mistaken]) -> list[Submap]:
@@ -93,8 +96,9 @@ def _judged(submaps: Sequence[Submap], joined: Joined | None) -> Judgement | Non
     """Who contradicts the others; None where there is nobody to contradict, or no map to judge by."""
     if len(submaps) < 2:
         return None
+    joined = _map_of(submaps) if joined is None else joined
     try:
-        return liars(submaps, join(submaps) if joined is None else joined)
+        return None if joined is None else liars(submaps, joined)
     except SolveError:
         return None
 

@@ -12,7 +12,7 @@ count a measurement twice. Submaps that nothing holds together come back as sepa
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ from teamslam.joining.start.twofold import RULED_OUT
 from teamslam.model import Dataset, Kind, LeftOut, Submap, expect
 from teamslam.solver import Covariances, Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
+from teamslam.solver.solution import SENSELESS
 
 SUBMAPS = "submaps (of ts.build or ts.read_submaps)"
 
@@ -161,7 +162,7 @@ def join(
     """
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
-    return _joined(ordered, options, progress, by_halves=True, near=near)
+    return _joined(ordered, options, progress, by_halves=options.elsewhere, near=near)
 
 
 def _joined(
@@ -223,8 +224,8 @@ def _join_cluster(
     if len(inside) == 1 and not inside[0].whole.raw:
         return Component(inside[0].whole, None, ids)
     found = _optima(inside, cluster, options, progress)
-    if by_halves and len(inside) > 2 and min(found, key=_excess).shared.senseless:
-        found += _from_halves(inside, options, progress)
+    if by_halves and len(inside) > 2 and (lowest := min(found, key=_excess)).shared.senseless:
+        found += _from_halves(inside, lowest, options, progress)
     best, *others = sorted(found, key=_excess)
     dearer = tuple(_excess(other) - _excess(best) for other in others if _close(best, other))
     return Component(best.map(inside[0].whole.base_dim), best.solution, ids, dearer=dearer)
@@ -247,19 +248,32 @@ def _optima(
     return found
 
 
-def _from_halves(members: Sequence[Member], options: Options, progress: Callable[[Step], None] | None) -> list[Optimum]:
+def _from_halves(
+    members: Sequence[Member], whole: Optimum, options: Options, progress: Callable[[Step], None] | None
+) -> list[Optimum]:
     """The optimum from where the submaps lie once each half of them is a map: what a long chain of them has lost is
-    found along its parts before these are laid end to end. None where the halves make no one map. At most log2 of their
-    number of levels, each of which joins every submap twice more: with its half, and that with the other."""
+    found along its parts before these are laid end to end. None where the halves make no one map, and where these cost
+    what the `whole` does: no way to lay them makes sense of parts that make none. At most log2 of their number of
+    levels, each of which joins every submap twice more, with its half and that with the other, from one start."""
     submaps, middle = [member.joined for member in members], len(members) // 2
+    once = replace(options, elsewhere=False)
     try:
-        halves = [_joined(half, options, None, by_halves=True) for half in (submaps[:middle], submaps[middle:])]
-        parts = [component.map for half in halves for component in half.components]
-        whole, *others = _joined(in_order(parts), options, None, by_halves=False).components
-        frames = _frames_in(whole.map, submaps)
-        return [Optimum.of(members, frames, options, progress)] if frames and not others else []
+        halves = [_joined(half, once, None, by_halves=True) for half in (submaps[:middle], submaps[middle:])]
+        components = [component for half in halves for component in half.components]
+        if not _senseless_between(whole, components):
+            return []
+        merged, *others = _joined(in_order(c.map for c in components), once, None, by_halves=False).components
+        frames = _frames_in(merged.map, submaps)
+        return [Optimum.of(members, frames, once, progress)] if frames and not others else []
     except SolveError:
         return []  # a start ends nothing
+
+
+def _senseless_between(whole: Optimum, parts: Sequence[Component]) -> bool:
+    """Whether a join costs more beyond its parts' own joins than noise explains. Law: no join costs less than they."""
+    inside = [part.solution for part in parts if part.solution is not None]
+    cost, dof = whole.shared.cost - sum(s.cost for s in inside), whole.shared.dof - sum(s.dof for s in inside)
+    return cost > SENSELESS * max(dof, 1)
 
 
 def _frames_in(whole: Submap, submaps: Sequence[Submap]) -> list[Pose]:

@@ -31,7 +31,7 @@ LEVEL = 1e-3  # the share of honest teams in which anybody is accused, at most
 CONTRADICT = 2.0  # times its dof that a join costs which is said not to agree
 LIAR = 2.0 * log(100.0)  # of -2 log L: one robot of a hundred lies
 FEW = 8  # members that are all tried; of more, those that a downdate shows
-QUICK = Options(max_iterations=60, decrement=0.3)  # costs to a tenth are enough
+QUICK = Options(max_iterations=60, decrement=0.3, elsewhere=False)  # costs to a tenth are enough
 KEPT = 3  # sets that are tried further
 HIDING = 1  # members more in a set than explains most, that are tried
 

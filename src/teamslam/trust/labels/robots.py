@@ -14,14 +14,17 @@ import numpy as np
 
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.joining import Joined, build, join, split
+from teamslam.joining import Joined, build, split
 from teamslam.joining.exact.gap import point_of
 from teamslam.model import Dataset, Submap, Table, Values, chi2_quantile, index_of, is_pose, pose_key, robot_of
+from teamslam.solver import Options
+from teamslam.trust.influence.removal import without
 
 FEWEST = 4  # sightings of one robot by another
 BAD, GOOD = 25.0, 6.0  # times the median of chi-square: what fits not at all, and as it should
 BETTER = 25.0  # times better that the right robot fits at least
 CAP = 50.0  # of a squared residual: what is more is as bad
+QUICK = Options(max_iterations=60, decrement=0.1, elsewhere=False)  # medians of residuals are asked
 NEAR = 0.6  # of a usual step between poses: how far in time a pose may be from a sighting
 
 
@@ -44,7 +47,7 @@ def mistaken_robots(log: Dataset, submaps: Sequence[Submap], joined: Joined) -> 
     found = []
     for robot in sorted(log.robots):
         doubted = [named for named, cost in _costs(log, robot, joined) if cost > BAD]
-        blind = _without_sightings(log, robot, submaps) if doubted else None
+        blind = _without_sightings(log, robot, submaps, joined) if doubted else None
         if blind is not None:
             here = [right for named in doubted if (right := _right(log, robot, named, blind)) is not None]
             found += [*here, *_the_other_way(log, here, blind)]
@@ -158,14 +161,16 @@ def _of(table: Table, robot: int, named: int) -> IntArray:
     return np.flatnonzero(is_pose(target) & (robot_of(target) == named))
 
 
-def _without_sightings(log: Dataset, robot: int, submaps: Sequence[Submap]) -> Values | None:
-    """The map in which a robot saw no others; None where it then hangs on nothing."""
+def _without_sightings(log: Dataset, robot: int, submaps: Sequence[Submap], joined: Joined) -> Values | None:
+    """The map in which a robot saw no others, from where the team's map has all; None where it then hangs on
+    nothing."""
     own = [table for table in log.tables if table.robot == robot]
     kept = [table.select(~np.isin(np.arange(len(table)), _others(table, robot))) for table in own]
     rest = [submap for submap in submaps if int(robot_of(submap.base)) != robot]
+    near = point_of(joined.map) if len(joined.components) == 1 else None
     try:
         blind = [build(piece) for piece in split(log.with_tables(table for table in kept if len(table)))]
-        maps = [component.map for component in join([*rest, *blind]).components]
+        maps = without([*rest, *blind], joined, (), near=near, options=QUICK).maps
     except TeamslamError:
         return None
     return next((point_of(m) for m in maps if robot in m.robots_in_it), None)

@@ -40,7 +40,7 @@ LEVEL = 1e-3  # the share of honest teams in which a landmark is said to have mo
 CLOSELY, VERIFIED = 3, 3  # changes of each kind that are tried closely; that are verified
 MOST = 50  # changes in all
 FEW = 2  # changes of one robot's names that are told, however few it knows
-QUICK = Options(max_iterations=60, decrement=0.1)  # costs to a hundredth are enough
+QUICK = Options(max_iterations=60, decrement=0.1, elsewhere=False)  # costs to a hundredth are enough
 
 Stars_ = dict[int, list[Submap]]
 
