@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from teamslam.errors import TeamslamError
-from teamslam.live import Round, start_of
+from teamslam.live import mapped, start_of
 from teamslam.model import Dataset, Submap
 from teamslam.robot import Atlas, Filter, Robot
 from teamslam.robot.atlas import Stretch
@@ -40,6 +40,14 @@ class News:
     robot: int
     since: int | None
     landmarks: int
+
+
+@dataclass(frozen=True, eq=False)
+class Call:
+    """A function to be called, and with what."""
+
+    fn: Callable[..., Any]
+    args: tuple[Any, ...]
 
 
 def news_of(atlas: Atlas, robot: Robot, heard: Sequence[Submap], known: Set[tuple[str, int]]) -> News:
@@ -63,12 +71,17 @@ class Beside(Executor):
         self._process.start()
         there.close()
         self._known: set[tuple[str, int]] = set()
-        self._orders: queue.SimpleQueue[tuple[News, Atlas, Future[Round]] | None] = queue.SimpleQueue()
+        self._orders: queue.SimpleQueue[tuple[News | Call, Atlas | None, Future[Any]] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._asked, args=(here,), name="map", daemon=True)
         self._thread.start()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **_: Any) -> Future[Any]:
-        """A round of `mapped(atlas, robot, heard)`: the atlas with what was made, and the filter to begin with."""
+        """A round of `mapped(atlas, robot, heard)`: the atlas with what was made, and the filter to begin with. All
+        else is called there as it stands; it must not raise."""
+        if fn is not mapped:
+            called: Future[Any] = Future()
+            self._orders.put((Call(fn, args), None, called))
+            return called
         atlas, robot, heard = args
         news = news_of(atlas, robot, heard, self._known)
         self._known = set(news.heard)
@@ -88,6 +101,9 @@ class Beside(Executor):
             news, atlas, future = order
             try:
                 line.send(news)
+                if atlas is None:
+                    future.set_result(line.recv())
+                    continue
                 made, start = line.recv()
                 future.set_result((replace(atlas, stretches={**atlas.stretches, **made}), start))
             except Exception as error:  # whatever it was: the robot maps on without
@@ -101,7 +117,10 @@ def _kept_up(line: Connection) -> None:
     atlas, heard = Atlas(), dict[tuple[str, int], Submap]()
     while True:
         try:
-            news: News = line.recv()
+            news: News | Call = line.recv()
+            if isinstance(news, Call):
+                line.send(news.fn(*news.args))
+                continue
             heard |= {(submap.id, submap.version): submap for submap in news.fresh}
             heard = {name: heard[name] for name in news.heard}
             atlas, made, start = made_of(atlas, news, list(heard.values()))

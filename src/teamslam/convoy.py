@@ -84,10 +84,11 @@ class Driver:
         return {
             "robot": names.robot(robot.number),
             "parked": self.parked,
-            "making": self.member.mapper.busy(robot),
+            "making": self.member.busy,
             "at": names.describe(now.key) if now is not None else None,
             "rows": {"taken": robot.counts.taken, "repeated": robot.counts.repeated, "late": robot.counts.late},
             "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries if not entry.knows],
+            "in_short": peer.in_short,
             "root": peer.root.hex(),
             "missing": len(peer.missing),
             "agreed": len(robot.agreed),
@@ -96,7 +97,7 @@ class Driver:
             "journal": self.journal.trouble,
             "map": self.member.mapper.trouble,
             "links": {
-                "all" if to == EVERYONE else names.robot(to): vars(line.sent) | {"refused": line.refused}
+                "all" if to == EVERYONE else names.robot(to): line.sent.record() | {"refused": line.refused}
                 for to, line in sorted(peer.lines.items())
             },
         }

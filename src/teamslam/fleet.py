@@ -16,6 +16,7 @@ from teamslam.robot import Estimate, Options, Robot
 from teamslam.robot.link import HEARD, Link
 from teamslam.robot.link.memory import Air, Weather, always
 from teamslam.robot.peer import Habits, Peer
+from teamslam.robot.scribe import Scribe
 
 TURNS = 4  # of each peer between two announcements
 
@@ -29,6 +30,7 @@ class Member:
     peer: Peer
     link: Link
     mapper: Mapper = field(default_factory=Mapper)
+    scribe: Scribe = field(default_factory=Scribe)
     told: list[Estimate] = field(default_factory=list)
     parked: bool = False
 
@@ -47,7 +49,7 @@ class Member:
     def park(self) -> None:
         """No rows will come any more."""
         self.robot = self.robot.finish()
-        self.peer = self.peer.with_submaps(self.mapper.finish(self.robot))
+        self.peer = self.scribe.attend(self.peer.owning(self.mapper.finish(self.robot)))
         self.parked = True
 
     def talk(self, now_s: float, between: Callable[[], None] = lambda: None, most: int = HEARD) -> None:
@@ -58,6 +60,7 @@ class Member:
             self.agree()
         if self.parked:
             self._attend()
+        self.peer = self.scribe.attend(self.peer)
         between()
         for packet in out:
             self.link.send(packet.to, packet.data)
@@ -69,7 +72,12 @@ class Member:
     def _attend(self) -> None:
         self.robot, finished = self.mapper.attend(self.robot, self.others)
         if finished:
-            self.peer = self.peer.with_submaps(finished)
+            self.peer = self.scribe.attend(self.peer.owning(finished))
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is not yet made of what it has."""
+        return self.mapper.busy(self.robot) or self.scribe.busy or bool(self.peer.unmade)
 
     def others(self) -> tuple[Submap, ...]:
         """What it has heard."""
@@ -118,11 +126,16 @@ def fleet(
     for member in members.values():
         member.park()
     end_s = now_s = now_s or 0.0
-    while len({member.peer.root for member in members.values()}) > 1 and now_s - end_s < settle_s:
+    while not (same := _settled(members)) and now_s - end_s < settle_s:
         now_s += turn_s
         _turn(air, members, now_s)
-    same = len({member.peer.root for member in members.values()}) <= 1
     return Fleet(members, dict(air.carried), now_s - end_s if same else None)
+
+
+def _settled(members: Mapping[int, Member]) -> bool:
+    """Whether all hold the same, and nobody has anything more to say."""
+    same = len({member.peer.root for member in members.values()}) <= 1
+    return same and not any(member.busy for member in members.values())
 
 
 def _rows(log: Dataset, number: int) -> Iterator[tuple[float, int, list[Table]]]:

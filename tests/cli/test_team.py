@@ -70,9 +70,16 @@ def test_where_no_robot_wrote_there_is_no_status(teamslam, tmp_path: Path) -> No
 
 
 def test_a_budget_is_kept_on_each_line_and_what_is_lacked_is_told(teamslam, log: Path, tmp_path: Path) -> None:
-    called = teamslam("team", log, "--out", tmp_path / "out", "--poses-per-piece", 9, "--in-memory", "--budget", 6000)
+    called = teamslam("team", log, "--out", tmp_path / "out", "--poses-per-piece", 9, "--in-memory", "--budget", 2500)
     assert called.code == 1 and "some lack what others hold" in called.err
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert all(0 < link["body_bytes"] <= 6000 for link in report["links"])
+    assert all(0 < link["body_bytes"] <= 2500 for link in report["links"])
     assert any(link["withheld"] for link in report["links"])
     assert any(robot["missing"] for robot in report["robots"].values())
+
+
+def test_under_a_budget_submaps_go_in_short_and_all_end_with_one_map(teamslam, log: Path, tmp_path: Path) -> None:
+    called = teamslam("team", log, "--out", tmp_path / "out", "--poses-per-piece", 9, "--in-memory", "--budget", 8000)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert called.code == 0 and report["maps_equal"] and report["in_short"] > 0 and "condensed" in called.out
+    assert any({"partial", "condensed"} & set(link["kinds"]) for link in report["links"])

@@ -42,6 +42,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.robot.link.zenoh import ZenohLink
     from teamslam.robot.peer import Peer
     from teamslam.robot.rows import head_of
+    from teamslam.robot.scribe import Scribe
 
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -82,7 +83,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             peer = Peer(robot, duty.habits, seal).recalling(read_revocations(address.certificates))
         peer = peer.recalling(memory.bodies)
         beside = stack.enter_context(Beside()) if duty.in_real_time else None
-        member, kept = Member(start, peer, link, Mapper(beside)), _known(memory.bodies)
+        member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside)), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
         whole = driver.drive(source.rows(start, memory, heard), duty.speed)
     for submap in driver.member.mapper.atlas.submaps:

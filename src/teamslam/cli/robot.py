@@ -84,7 +84,8 @@ def robot(
     rate
         How many bytes of submaps a second it sends to each other robot. By default all that it is asked for.
     budget
-        How many bytes it sends to each other robot in all: what is worth most goes first. By default any number.
+        How many bytes it sends to each other robot in all: what is worth most goes first, and where it is tight its
+        submaps go rounded or condensed. By default any number.
     events
         A file that what happens is added to, a JSON object a line.
     view

@@ -65,7 +65,8 @@ def team(
     rate
         How many bytes of submaps a second a robot sends to each other. By default all that it is asked for.
     budget
-        How many bytes a robot sends to each other in all: what is worth most goes first. By default any number.
+        How many bytes a robot sends to each other in all: what is worth most goes first, and where it is tight submaps
+        go rounded or condensed. By default any number.
     seed
         Of what becomes of packets.
     in_memory
@@ -108,12 +109,15 @@ def team(
         if parts:
             write_submaps(parts, draft / "maps")
         (draft / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    whole = report["maps_equal"] and report["equal_to_offline"] and report["components"] == 1
+    as_offline = report["equal_to_offline"] or report["in_short"] > 0  # what is in short is not there to the bit
+    whole = report["maps_equal"] and as_offline and report["components"] == 1
     if not report["maps_equal"]:
         complain("the robots' maps are not equal: some lack what others hold; see 'missing' in report.json")
     sent = sum(link["body_bytes"] + link["word_bytes"] for link in report["links"])
     counts = counted(len(report["robots"]), "robot", report["components"], "part", sent, "byte")
     say(f"written: {out}: {counts} sent")
+    if report["in_short"]:
+        say(f"{counted(report['in_short'], 'submap')} went rounded or condensed, as the links are tight")
     for what, field in (
         ("robots' position RMSE", "robot_position_rmse_m"),
         ("landmarks' position RMSE", "landmark_rmse_m"),

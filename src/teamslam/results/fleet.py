@@ -3,12 +3,14 @@
 robots            names;   rows: taken, repeated, late
 maps_equal        whether all robots' maps are equal, to the bit;   settled_s: how long after the last row
 equal_to_offline  whether they are the join of the submaps that `split` and `build` make of the same log, to the bit
+in_short          how many submaps went rounded or condensed, because links are tight: then the map is not the
+                  offline one to the bit
 components        parts of the team map;   missing, refused: what robots know of and lack, or were refused
 robot_position_rmse_m, landmark_rmse_m      of the first part of the team map, against the truth
 online_position_rmse_m                      of the poses told at the time, aligned robot by robot
 alone             the same two of each robot with nothing but its own log
-links             bytes from whom to whom: bodies of submaps, and all else; those that were lost count;   withheld:
-                  packets that would have been more than the budget
+links             bytes from whom to whom: bodies (by kind: sparse, partial, condensed, announcement, removal) and all
+                  else; those that were lost count;   withheld: packets that would have been more than the budget
 """
 
 import csv
@@ -47,6 +49,7 @@ def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, A
         "robots": {names.robot(number): _robot(member) for number, member in members.items()},
         "maps_equal": len(set(bits.values())) == 1,
         "equal_to_offline": set(bits.values()) == {offline},
+        "in_short": max(member.peer.in_short for member in members.values()),
         "settled_s": found.settled_s,
         "components": len(first.components) if first is not None else 0,
         **_scores(whole, log.truth),
@@ -118,6 +121,7 @@ def links_of(found: Fleet, names: Names) -> list[dict[str, Any]]:
                     "to": names.robot(b),
                     "bodies": sent.bodies if sent else 0,
                     "body_bytes": sent.body_bytes if sent else 0,
+                    "kinds": dict(sent.kinds) if sent else {},
                     "word_bytes": sum(s.word_bytes for s in (sent, to_all) if s),
                     "withheld": sent.withheld if sent else 0,
                     "carried_bytes": found.carried.get((a, b), 0),
@@ -197,6 +201,7 @@ def report_of_folders(
         },
         "maps_equal": len(set(bits.values())) == 1,
         "equal_to_offline": set(bits.values()) == {offline},
+        "in_short": max(status.get("in_short", 0) for status in statuses.values()),
         "components": len(first),
         **_scores(first[0] if first else None, log.truth),
         "online_position_rmse_m": _online([t for name in statuses for t in _told_in(out / name, log)], log.truth),
@@ -207,6 +212,7 @@ def report_of_folders(
                 "to": other,
                 "bodies": sent["bodies"],
                 "body_bytes": sent["body_bytes"],
+                "kinds": sent["kinds"],
                 "withheld": sent["withheld"],
                 "word_bytes": sent["word_bytes"] + status["links"].get("all", {}).get("word_bytes", 0),
             }

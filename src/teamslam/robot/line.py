@@ -1,6 +1,9 @@
 """What a robot knows of its line to another: what it asked, what it heard there is, what waits, what it sent."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any
 
 from teamslam.robot.opened import Opened
 from teamslam.robot.packets import Body, Entry
@@ -8,14 +11,28 @@ from teamslam.robot.packets import Body, Entry
 
 @dataclass(frozen=True)
 class Sent:
-    """What went to one robot: packets and bytes of bodies, and of all else; and how many packets did not go, because
-    they would have been more than the budget."""
+    """What went to one robot: packets and bytes of bodies, and of all else (`words`); bytes of bodies by kind; and how
+    many packets did not go, because they would have been more than the budget."""
 
     bodies: int = 0
     body_bytes: int = 0
     words: int = 0
     word_bytes: int = 0
     withheld: int = 0
+    kinds: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+
+    def with_body(self, kind: str, size: int) -> "Sent":
+        """With a body more."""
+        kinds = MappingProxyType({**self.kinds, kind: self.kinds.get(kind, 0) + size})
+        return replace(self, bodies=self.bodies + 1, body_bytes=self.body_bytes + size, kinds=kinds)
+
+    def with_word(self, size: int) -> "Sent":
+        """With a packet more of what is no body."""
+        return replace(self, words=self.words + 1, word_bytes=self.word_bytes + size)
+
+    def record(self) -> dict[str, Any]:
+        """As a record."""
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"kinds": dict(self.kinds)}
 
     @property
     def bytes(self) -> int:
@@ -52,5 +69,5 @@ class Line:
     lists: tuple[Entry, ...] = ()
     waiting: tuple[bytes, ...] = ()
     free_s: float = 0.0
-    sent: Sent = Sent()
+    sent: Sent = field(default_factory=Sent)
     refused: int = 0

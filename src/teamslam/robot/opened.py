@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.geometry import IntArray
 from teamslam.model import robot_of
 from teamslam.robot.packets import Announcement, Entry, Removal, digest_of, news_from, to_bytes
 from teamslam.team import Knowledge, SubmapSet
@@ -21,18 +22,23 @@ from teamslam.wire import receive
 from teamslam.wire.codec_places import get_known, put_known
 from teamslam.wire.messages import MAGIC
 from teamslam.wire.packing import Reader, Writer
+from teamslam.wire.rounding import EXACT
 
 
 @dataclass(frozen=True, eq=False)
 class Opened:
     """`entry`; `news`: what it makes known of submaps; `told`: of what robots know; `robots`: those whose rows are in
-    it, whose submaps are out, or who tells; `base`: the robot whose pose it is written from.
+    it, whose submaps are out, or who tells; `base`: the robot whose pose it is written from; `kind`: that of a submap's
+    message, 'announcement' or 'removal'; `short`: it is less than the submap to the bit; `keys`: a submap's variables.
     """
 
     entry: Entry
     news: SubmapSet
     robots: tuple[int, ...]
     base: int
+    kind: str
+    short: bool = False
+    keys: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     told: Knowledge = field(default_factory=Knowledge)
 
     def stands(self, held: SubmapSet, known: Knowledge) -> bool:
@@ -54,9 +60,10 @@ def opened(data: bytes) -> Opened:
         return _announcement(said, data) if isinstance(said, Announcement) else _removal(said, data)
     received = receive(data)
     submap = received.submap()
+    short = received.kind != "sparse" or received.rounding != EXACT
     entry = Entry(received.id, received.version, digest_of(data), len(data), submap.rows)
     news = SubmapSet(MappingProxyType({entry.id: Held(entry.version, False, frozenset({data}))}))
-    return Opened(entry, news, submap.robots, int(robot_of(submap.base)))
+    return Opened(entry, news, submap.robots, int(robot_of(submap.base)), received.kind, short, submap.keys)
 
 
 def announcements(told: Knowledge) -> list[bytes]:
@@ -65,7 +72,7 @@ def announcements(told: Knowledge) -> list[bytes]:
     for (robot, number), page in sorted(told.pages.items()):
         keys = Writer()
         put_known(keys, np.array(sorted(page.keys), np.int64))
-        found.append(to_bytes(Announcement(robot, number, keys.content())))
+        found.append(to_bytes(Announcement(robot, number, keys.content()).checked()))
     return found
 
 
@@ -75,6 +82,8 @@ def page_id(robot: int, number: int) -> str:
 
 
 def _announcement(said: Announcement, data: bytes) -> Opened:
+    if said != said.checked():
+        raise InputError("an announcement is damaged: its digest does not fit its content; ask for it again")
     source = Reader(said.keys)
     try:
         keys = get_known(source)
@@ -85,7 +94,7 @@ def _announcement(said: Announcement, data: bytes) -> Opened:
     page = Page(len(keys), frozenset(keys.tolist()))
     entry = Entry(page_id(said.robot, said.page), page.version, digest_of(data), len(data), knows=True)
     told = Knowledge(MappingProxyType({(said.robot, said.page): page}))
-    return Opened(entry, SubmapSet(), (said.robot,), said.robot, told)
+    return Opened(entry, SubmapSet(), (said.robot,), said.robot, "announcement", told=told)
 
 
 def _removal(out: Removal, data: bytes) -> Opened:
@@ -96,4 +105,4 @@ def _removal(out: Removal, data: bytes) -> Opened:
     else:
         entry = Entry(f"all of robot {out.robot}", out.version, digest, len(data), robot=out.robot)
         news = SubmapSet(removed_robots=MappingProxyType({out.robot: out.version}))
-    return Opened(entry, news, whose, out.robot)
+    return Opened(entry, news, whose, out.robot, "removal")

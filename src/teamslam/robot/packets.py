@@ -88,11 +88,17 @@ class Removal(msgspec.Struct, frozen=True, tag="out", array_like=True, forbid_un
 
 
 class Announcement(msgspec.Struct, frozen=True, tag="knows", array_like=True, forbid_unknown_fields=True):
-    """A page of what a robot knows: keys, packed."""
+    """A page of what a robot knows: keys, packed; `check` is a digest of the rest, by which damage is known."""
 
     robot: Count
     page: Count
     keys: bytes
+    check: Short = b""
+
+    def checked(self) -> "Announcement":
+        """With the digest that it should have."""
+        told = f"{self.robot} {self.page} ".encode() + self.keys
+        return msgspec.structs.replace(self, check=digest_of(told)[:SHORT])
 
 
 Packet = Have | Ask | List | Want | Body

@@ -22,6 +22,7 @@ import numpy as np
 from teamslam.errors import InputError, TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.model import Submap
+from teamslam.robot.forms import VERSIONS, Order, allowance, made, orders
 from teamslam.robot.line import Content, Line
 from teamslam.robot.opened import announcements, opened
 from teamslam.robot.packets import (
@@ -43,11 +44,11 @@ from teamslam.robot.packets import (
 )
 from teamslam.robot.seal import Seal
 from teamslam.team import Knowledge, SubmapSet
-from teamslam.wire import send
 
 EVERYONE = 0  # in place of a robot's number: all that can be reached
 NEVER = (-1e300, 0)
 DOUBLINGS = 2  # of the time that an answer is waited for
+RESTS = 5  # doublings of the time before a submap that went in short comes again
 REASONS, OTHERWISE = 100, "for other reasons"  # why packets were refused: so many are told apart
 
 
@@ -82,9 +83,10 @@ class Outgoing:
 class Peer:
     """A robot among others. `seal`: how it signs, and knows what others signed; None: nobody signs.
 
-    `held`: the team's submaps, `known`: what each robot knows by name, as far as was heard; `bodies` by digest; `lines`
-    to others by their number; `wanted`: when each body was last asked for, and how often; `announced_s`: when it last
-    told what it holds; `refused`: packets that made no sense, by reason.
+    `held`: the team's submaps, `known`: what each robot knows by name, as far as was heard, last at `heard_s`; `own`:
+    its own submaps, whole; `bodies` by digest; `lines` to others by their number; `wanted`: when each body was last
+    asked for, and how often; `announced_s`: when it last told what it holds; `refused`: packets that made no sense, by
+    reason.
     """
 
     number: int
@@ -92,10 +94,12 @@ class Peer:
     seal: Seal | None = None
     held: SubmapSet = field(default_factory=SubmapSet)
     known: Knowledge = field(default_factory=Knowledge)
+    own: Mapping[str, Submap] = field(default_factory=lambda: MappingProxyType({}))
     bodies: Mapping[bytes, Content] = field(default_factory=lambda: MappingProxyType({}))
     lines: Mapping[int, Line] = field(default_factory=lambda: MappingProxyType({}))
     wanted: Mapping[bytes, tuple[float, int]] = field(default_factory=lambda: MappingProxyType({}))
     announced_s: float = -1e300
+    heard_s: float = -1e300
     refused: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
 
     # --- what it holds --------------------------------------------------------------------------------------------
@@ -145,22 +149,57 @@ class Peer:
             entry.version == mine.version and not mine.removed and not entry.gone
         )
 
+    @property
+    def in_short(self) -> int:
+        """How many of the submaps that it holds went rounded or condensed."""
+        return sum(content.opened.short for content in self.bodies.values())
+
     def revoked(self, robot: int) -> bool:
         """Whether all submaps of a robot are out, for ever."""
         return self.held.removed_robots.get(robot, -1) == EVER
 
     def with_submaps(self, submaps: Iterable[Submap]) -> "Peer":
-        """With submaps of its own, new or in newer versions, and what they name told to others. Of a version there is
-        one message: where that is held, it stays."""
-        held = self.held.held
-        fresh = [s for s in submaps if s.id not in held or held[s.id].version < s.version]
-        peer = self.with_bodies(send("sparse", submap, submap.values.layout.keys).data for submap in fresh)
+        """With submaps of its own and their messages, made at once: `owning`, and what is in its `orders`."""
+        peer = self.owning(submaps)
+        return peer.with_bodies(made(peer.orders))
+
+    def owning(self, submaps: Iterable[Submap]) -> "Peer":
+        """With submaps of its own, new or in newer versions, of which no message is made yet; what they name is told to
+        others."""
+        fresh = [s for s in submaps if s.id not in self.own or self.own[s.id].version < s.version]
+        if not fresh:
+            return self
         named = [keys for s in fresh for keys in (s.keys, *(table.keys.ravel() for table in s.raw))]
-        return peer.knowing(np.concatenate(named)) if named else peer
+        own = MappingProxyType({**self.own, **{submap.id: submap for submap in fresh}})
+        return replace(self, own=own).knowing(np.concatenate(named))
+
+    @cached_property
+    def unmade(self) -> tuple[Order, ...]:
+        """The messages of its own submaps that are yet to be made: of new ones and newer versions, and of those that
+        went in short and lack what others know by now. Of a version there is one message: where that is held, it
+        stays."""
+        spent = (line.sent.bytes for to, line in self.lines.items() if to != EVERYONE)
+        most = allowance(self.habits.budget, self.habits.rate, spent)
+        found = {c.entry.id: c.opened for c in self.bodies.values() if c.entry.id in self.own and not c.entry.gone}
+        sent = {id_: (self.held.held[id_].version, found.get(id_)) for id_ in self.own if id_ in self.held.held}
+        return orders(self.number, self.own, sent, self.known, most)
+
+    @property
+    def orders(self) -> tuple[Order, ...]:
+        """Those that are to be made now: for what others know by now once nothing new was heard of for a while, each
+        time twice as long, so that what is still changing is not sent again and again."""
+        quiet_s, patience_s = self.announced_s - self.heard_s, self.habits.patience_s
+        again = ((order, order.version % VERSIONS) for order in self.unmade)
+        return tuple(order for order, n in again if not n or quiet_s >= patience_s * 2 ** min(n, RESTS))
 
     def knowing(self, keys: IntArray) -> "Peer":
         """With landmarks and poses of others that it knows, as announcements."""
         return self.with_bodies(announcements(self.known.with_more(self.number, keys)))
+
+    def with_messages(self, messages: Iterable[bytes]) -> "Peer":
+        """With messages of its own submaps as they were ordered; one that came too late, or that none could be made of,
+        changes nothing."""
+        return self.with_bodies(data for data in messages if data and self._news(opened(data).entry))
 
     def with_bodies(self, bodies: Iterable[bytes]) -> "Peer":
         """With submaps of its own as messages, or removals, which it signs. Raises InputError where one is not sound,
@@ -225,6 +264,8 @@ class Peer:
                 out += said
             except TeamslamError as error:
                 peer = peer._refusing(sender, str(error))
+        if peer.known is not self.known:
+            peer = replace(peer, heard_s=now_s)
         for turn in (_asking, _sending, _telling):
             peer, said = turn(peer, now_s)
             out += said
@@ -271,10 +312,7 @@ class Peer:
                 s = replace(s, withheld=s.withheld + 1)
             else:
                 packets.append(Outgoing(to, data))
-                if isinstance(packet, Body):
-                    s = replace(s, bodies=s.bodies + 1, body_bytes=s.body_bytes + size)
-                else:
-                    s = replace(s, words=s.words + 1, word_bytes=s.word_bytes + size)
+                s = s.with_body(opened(packet.data).kind, size) if isinstance(packet, Body) else s.with_word(size)
             peer = peer._on(to, replace(line, sent=s))
         return peer, packets
 

@@ -1,0 +1,129 @@
+"""In what form a robot's own submap goes to others: whole while the links carry that, else shorter; the most
+informative form that is short enough.
+
+    to the bit     sparse
+    rounded        sparse, within a certified bound (`wire.rounding`)
+    partly         without interiors whose elimination makes it shorter, rounded
+    landmarks      condensed to all landmarks and what others need, rounded
+    needed         condensed to what others need, rounded
+
+What others need: what stands in another submap of its own, the last pose of its way, other robots' poses, what raw rows
+name, and all that others say they know (`team.Knowledge`). What they come to know later and a form lacks brings a new
+version with it kept.
+
+The robot that made a submap chooses, one form for all: what it signs nobody else can shorten, and one set of messages
+is what makes one map. A message may have a share of what is left of the tightest line's budget, and what its rate
+carries in some seconds; where no form is short enough the shortest goes.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from teamslam.errors import TeamslamError
+from teamslam.geometry import IntArray
+from teamslam.joining import separators
+from teamslam.model import Submap, is_landmark, is_pose, robot_of
+from teamslam.robot.opened import Opened
+from teamslam.team import Knowledge
+from teamslam.wire import send
+from teamslam.wire.rounding import COMPACT, EXACT, Precision
+
+SHARE, SECONDS = 0.1, 10.0  # of a line's budget that one message may have, and of its rate
+VERSIONS = 1000  # of messages of one version of a submap at most
+
+
+@dataclass(frozen=True)
+class Form:
+    """A kind of message, how far it is rounded, and whether all landmarks stay."""
+
+    kind: str
+    precision: Precision
+    landmarks: bool = True
+
+
+FORMS = (
+    Form("sparse", EXACT),
+    Form("sparse", COMPACT),
+    Form("partial", COMPACT),
+    Form("condensed", COMPACT),
+    Form("condensed", COMPACT, landmarks=False),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """A message to be made of a submap: its `version`, what others `needed` of it when it was ordered, and how many
+    bytes it may have at `most`."""
+
+    submap: Submap
+    version: int
+    needed: IntArray
+    most: float
+
+    def made(self) -> bytes:
+        """The message in the first form that is short enough, else in the shortest."""
+        submap, shortest = replace(self.submap, version=self.version), b""
+        for form in FORMS:
+            try:
+                data = send(form.kind, submap, self._kept(form), form.precision).data
+            except TeamslamError:  # an interior that only just holds, or numbers that cannot be rounded
+                continue
+            if len(data) <= self.most:
+                return data
+            shortest = data if not shortest or len(data) < len(shortest) else shortest
+        return shortest
+
+    def _kept(self, form: Form) -> IntArray:
+        keys = self.submap.values.layout.keys
+        return np.union1d(self.needed, keys[is_landmark(keys)]) if form.landmarks else self.needed
+
+
+def made(orders: Sequence[Order]) -> list[bytes]:
+    """The messages that were ordered."""
+    return [order.made() for order in orders]
+
+
+def allowance(budget: float | None, rate: float | None, spent: Iterable[int]) -> float:
+    """How many bytes a message may have, where each line has a `budget` of which so much is `spent`, and a `rate`."""
+    left = float("inf") if budget is None else max(0.0, budget - max(spent, default=0))
+    return min(SHARE * left, SECONDS * (float("inf") if rate is None else rate))
+
+
+def needed(own: Sequence[Submap], known: IntArray) -> dict[str, IntArray]:
+    """Of each of a robot's own submaps, the variables (rising) that others need, who know the keys `known`."""
+    shared = separators(own)
+    found = {}
+    for submap in own:
+        keys = submap.values.layout.keys
+        poses = is_pose(keys)
+        mine = keys[poses & (robot_of(keys) == robot_of(submap.base))]
+        others = keys[poses & (robot_of(keys) != robot_of(submap.base))]
+        wanted = np.concatenate(
+            [shared[submap.id], mine[mine == mine.max(initial=0)], others, keys[np.isin(keys, known)]]
+        )
+        found[submap.id] = np.unique(wanted)
+    return found
+
+
+def orders(
+    robot: int,
+    own: Mapping[str, Submap],
+    sent: Mapping[str, tuple[int, Opened | None]],
+    known: Knowledge,
+    most: float,
+) -> tuple[Order, ...]:
+    """The messages that are to be made of a robot's own submaps, where of each id such a version was `sent`, with what
+    is held of it (None: it was removed), and others say what they know."""
+    new = {id_: VERSIONS * s.version for id_, s in own.items() if sent.get(id_, (-1, None))[0] < VERSIONS * s.version}
+    kept = {id_: found.keys for id_, (_, found) in sent.items() if found is not None and found.kind != "sparse"}
+    short = {id_: keys for id_, keys in kept.items() if id_ in own and id_ not in new}
+    if not new and not short:
+        return ()
+    wanted = needed(list(own.values()), known.beside(robot))
+    for id_, keys in short.items():
+        version = sent[id_][0] + 1
+        if version % VERSIONS and len(np.setdiff1d(wanted[id_], keys)):
+            new[id_] = version
+    return tuple(Order(own[id_], version, wanted[id_], most) for id_, version in new.items())
