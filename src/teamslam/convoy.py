@@ -14,6 +14,7 @@ from typing import Any
 from teamslam.fleet import Member
 from teamslam.model import Names, Table
 from teamslam.robot.journal import Journal
+from teamslam.robot.line import Line
 from teamslam.robot.peer import EVERYONE
 
 BEAT_S = 0.02  # between two looks at the link
@@ -80,10 +81,12 @@ class Driver:
     def status(self, names: Names) -> dict[str, Any]:
         """How it stands, for people and for whoever watches it."""
         peer, robot = self.member.peer, self.member.robot
-        now = robot.now
+        now, now_s = robot.now, monotonic()
         return {
             "robot": names.robot(robot.number),
             "parked": self.parked,
+            "ended": self.leave(),
+            "alive": [names.robot(number) for number in sorted(self.member.link.alive)],
             "making": self.member.busy,
             "at": names.describe(now.key) if now is not None else None,
             "rows": {"taken": robot.counts.taken, "repeated": robot.counts.repeated, "late": robot.counts.late},
@@ -97,7 +100,15 @@ class Driver:
             "journal": self.journal.trouble,
             "map": self.member.mapper.trouble,
             "links": {
-                "all" if to == EVERYONE else names.robot(to): line.sent.record() | {"refused": line.refused}
+                "all" if to == EVERYONE else names.robot(to): _line(line, now_s)
                 for to, line in sorted(peer.lines.items())
             },
         }
+
+
+def _line(line: Line, now_s: float) -> dict[str, Any]:
+    """What a line to another robot has carried, how many bodies wait for their turn on it, and how long ago [s] that
+    robot was heard (None: not yet)."""
+    ago_s = now_s - line.heard_s
+    heard = {"heard_s_ago": round(ago_s, 1) if ago_s < 1e9 else None}
+    return line.sent.record() | {"refused": line.refused, "waiting": len(line.waiting)} | heard

@@ -1,6 +1,7 @@
 """`teamslam team`: a team that drives and exchanges on one machine; the map of all is the offline map."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -83,3 +84,16 @@ def test_under_a_budget_submaps_go_in_short_and_all_end_with_one_map(teamslam, l
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert called.code == 0 and report["maps_equal"] and report["in_short"] > 0 and "condensed" in called.out
     assert any({"partial", "condensed"} & set(link["kinds"]) for link in report["links"])
+
+
+def test_status_says_who_is_alive(teamslam, tmp_path: Path) -> None:
+    """Of one that says nothing any more another tells that it is there; of one that nobody sees, nobody knows."""
+    said = {"root": "00", "missing": 0, "holds": [], "links": {}}
+    for name, more in (("1", {"alive": ["2"]}), ("2", {"alive": []}), ("3", {"alive": []}), ("4", {"ended": True})):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "status.json").write_text(json.dumps(said | {"robot": name} | more))
+    for name in ("2", "3", "4"):
+        os.utime(tmp_path / name / "status.json", (0, 0))
+    os.utime(tmp_path / "1" / "status.json", (1e10, 1e10))  # it is always just now
+    called = teamslam("status", tmp_path, "--json")
+    assert [robot["is_alive"] for robot in json.loads(called.out)] == ["yes", "yes", "no", "ended"]

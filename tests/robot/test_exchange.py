@@ -235,3 +235,12 @@ def test_what_both_know_is_not_told_again_and_again() -> None:
         if any(isinstance(packet, Ask) for packet in said):
             peer, _ = peer.step(float(tick), [(2, to_bytes(other.beside(())))])
     assert asks == 1 and len(peer.missing) == len(SUBMAPS[2]) + 1  # and a page of what it knows
+
+
+def test_who_is_there_and_in_reach_is_alive() -> None:
+    air = Air(Weather(), 0, lambda a, b, now_s: {a, b} != {1, 3} or now_s > 5.0)
+    links = {robot: air.link(robot) for robot in ROBOTS}
+    assert [links[robot].alive for robot in ROBOTS] == [{2}, {1, 3}, {2}]
+    air.tick(6.0)
+    air.leave(2)
+    assert links[1].alive == {3} and links[3].alive == {1}

@@ -2,7 +2,7 @@
 
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,6 +43,14 @@ def heard_within(link: ZenohLink, seconds: float, enough: int = 1) -> list[tuple
     return found
 
 
+def within(seconds: float, there: Callable[[], bool]) -> bool:
+    """Whether something comes about in a time."""
+    until = time.monotonic() + seconds
+    while not there() and time.monotonic() < until:
+        time.sleep(0.05)
+    return there()
+
+
 def greet(
     speaker: ZenohLink, to: int, hearer: ZenohLink, seconds: float, words: bytes = b"here I am"
 ) -> list[tuple[int, bytes]]:
@@ -68,6 +76,9 @@ def test_packets_arrive(tmp_path: Path, secret: bool) -> None:
         assert greet(b, 1, a, 60.0)[:1] == [(2, b"here I am")]
         large = bytes(range(256)) * 4000
         assert (1, large) in greet(a, 2, b, 60.0, large)
+        assert within(60.0, lambda: a.alive == {2} and b.alive == {1})
+        b.close()
+        assert within(60.0, lambda: not a.alive)
 
 
 def test_who_is_not_of_the_team_is_not_heard(tmp_path: Path) -> None:
@@ -98,10 +109,13 @@ def test_nobody_speaks_for_another(tmp_path: Path) -> None:
     two = Address("blue", 2, free_place(), (place,), tmp_path, (1, 2, 3))
     with linked(one, two) as (a, b):
         assert greet(b, 1, a, 60.0)
+        token = b._session.liveliness().declare_token("teamslam/blue/alive/3")
         for _ in range(10):
             b._session.put("teamslam/blue/1/3", b"I am robot 3")
         heard = greet(b, 1, a, 60.0, b"I am robot 2")
         assert (2, b"I am robot 2") in heard and {sender for sender, _ in heard} == {2}
+        assert within(60.0, lambda: 2 in a.alive) and a.alive == {2}
+        token.undeclare()
 
 
 def test_a_team_exchanges_over_sockets(tmp_path: Path) -> None:

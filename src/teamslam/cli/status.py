@@ -4,9 +4,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+QUIET_S = 5.0  # a robot writes its status twice a second; one that is busy, less often
+
 
 def status(folders: tuple[Path, ...], /) -> int:
-    """Who is alive, who holds what and lacks what, what went over the links, and what is wrong.
+    """Who is alive, who sees whom, who holds what and lacks what, what went over the links, and what is wrong.
 
     ```
     teamslam status robot-3
@@ -32,9 +34,11 @@ def status(folders: tuple[Path, ...], /) -> int:
             raise InputError("there is no status.json here or one folder deeper: no robot has written one", path=folder)
         robots += found
     same = len({robot.get("root") for robot in robots}) == 1
+    for robot in robots:
+        robot["is_alive"] = _alive(robot, robots)
     table(
         "robots",
-        ["robot", "said [s ago]", "at", "submaps", "lacks", "sent", "refused", "wrong"],
+        ["robot", "alive", "sees", "at", "submaps", "lacks", "sent", "refused", "wrong"],
         [_row(robot) for robot in robots],
         left=1,
     )
@@ -42,11 +46,20 @@ def status(folders: tuple[Path, ...], /) -> int:
     return 0 if same and not any(robot.get("journal") or robot.get("refused_packets") for robot in robots) else 1
 
 
+def _alive(robot: dict[str, Any], robots: list[dict[str, Any]]) -> str:
+    """Whether a robot is there: it said something just now, or one that did sees it on its link."""
+    if robot.get("ended"):
+        return "ended"
+    seen = any(robot.get("robot") in other.get("alive", ()) for other in robots if other["age_s"] < QUIET_S)
+    return "yes" if seen or robot["age_s"] < QUIET_S else "no"
+
+
 def _row(robot: dict[str, Any]) -> list[str]:
     links = robot.get("links", {}).values()
     return [
         str(robot.get("robot", "?")),
-        f"{robot['age_s']:.0f}",
+        robot["is_alive"] + (f", said {robot['age_s']:.0f} s ago" if robot["is_alive"] != "ended" else ""),
+        ", ".join(robot.get("alive", ())) or "nobody",
         (robot.get("at") or "nowhere yet") + (", parked" if robot.get("parked") else ""),
         str(len(robot.get("holds", ()))),
         str(robot.get("missing", "?")),

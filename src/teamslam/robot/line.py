@@ -62,7 +62,7 @@ class Content:
 class Line:
     """What a robot knows of its line to another: when it last asked for the list; what the last list was of
     (`listed`, a root), and what of it was lacked then; the bodies that the other waits for, when the next
-    may go, and how many of its packets were `refused`."""
+    may go, how many of its packets were `refused`, and when it was last `heard_s`."""
 
     asked_s: float = -1e300
     listed: bytes | None = None
@@ -71,3 +71,4 @@ class Line:
     free_s: float = 0.0
     sent: Sent = field(default_factory=Sent)
     refused: int = 0
+    heard_s: float = -1e300

@@ -261,6 +261,7 @@ class Peer:
                 if len(data) > self.habits.largest:
                     raise InputError(f"a packet of more than {self.habits.largest} bytes")
                 peer, said = peer._heard(now_s, sender, from_bytes(data))
+                peer = peer._on(sender, replace(peer.lines[sender], heard_s=now_s))
                 out += said
             except TeamslamError as error:
                 peer = peer._refusing(sender, str(error))

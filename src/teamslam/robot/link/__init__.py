@@ -14,3 +14,8 @@ class Link(Protocol):
 
     def receive(self, most: int = HEARD) -> list[tuple[int, bytes]]:
         """Packets that have come, at most so many, those of all senders in turns: from whom, and the bytes."""
+
+    @property
+    def alive(self) -> frozenset[int]:
+        """The robots that are there and in reach now, as far as the link can tell: a word for people, on which nothing
+        that is exchanged depends."""

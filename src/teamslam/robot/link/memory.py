@@ -76,6 +76,11 @@ class Air:
             if receiver in self._ends and self.reach(sender, receiver, due):
                 self._ends[receiver].inbox.put(sender, data)
 
+    def near(self, robot: int) -> frozenset[int]:
+        """The other robots that are there and reach a robot now."""
+        there = self._ends.keys() - {robot}
+        return frozenset(other for other in there if self.reach(other, robot, self.now_s))
+
     def carry(self, sender: int, to: int, data: bytes) -> None:
         """Take a packet on its way, to one or (0) to all."""
         for receiver in [to] if to else sorted(self._ends.keys() - {sender}):
@@ -111,3 +116,8 @@ class MemoryLink:
     def receive(self, most: int = HEARD) -> list[tuple[int, bytes]]:
         """Packets that have come, at most so many, those of all senders in turns."""
         return self.inbox.take(most)
+
+    @property
+    def alive(self) -> frozenset[int]:
+        """The robots that are there and in reach now."""
+        return self.air.near(self.robot)

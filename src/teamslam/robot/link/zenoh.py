@@ -1,6 +1,7 @@
 """Links over a network: Eclipse Zenoh, each robot a peer among peers; encrypted and by certificate where there are any.
 
     key     teamslam/TEAM/TO/FROM      TO 0: to all
+    token   teamslam/TEAM/alive/ROBOT  while it is there and in reach
 
 With certificates both ends of every connection prove that they are of the team, and what comes under FROM is taken
 only from whoever's certificate bears that name: nobody speaks for another. A packet is handed over by a thread of its
@@ -22,6 +23,7 @@ from teamslam.robot.link import HEARD
 from teamslam.robot.link.inbox import Inbox
 from teamslam.robot.link.keys import AUTHORITY, common_name
 
+ALIVE = "alive"  # in place of a robot's number
 WAITING = 1000  # packets that wait to be handed over at most; more are dropped
 LEASE_MS = 20_000  # a peer that says nothing for so long is gone; TCP may, where a third of all packets is lost
 
@@ -55,10 +57,13 @@ class ZenohLink:
         except ModuleNotFoundError:
             raise MissingExtraError("links over a network need eclipse-zenoh: pip install 'teamslam[robots]'") from None
         self.address, self.dropped = address, 0
-        self._inbox = Inbox()
+        self._inbox, self._alive = Inbox(), frozenset[int]()
         self._outbox: queue.Queue[tuple[int, bytes] | None] = queue.Queue(WAITING)
         try:
             self._session: Any = zenoh.open(zenoh.Config.from_json5(json.dumps(configuration(address))))
+            alive = f"teamslam/{address.team}/{ALIVE}"
+            self._token = self._session.liveliness().declare_token(f"{alive}/{address.robot}")
+            self._watch = self._session.liveliness().declare_subscriber(f"{alive}/*", self._noticed, history=True)
             self._ears = [
                 self._session.declare_subscriber(f"teamslam/{address.team}/{to}/*", self._heard)
                 for to in (0, address.robot)
@@ -80,6 +85,12 @@ class ZenohLink:
         return self._inbox.take(most)
 
     @property
+    def alive(self) -> frozenset[int]:
+        """The robots whose tokens are there: of one whose process has ended it goes at once, of one that is out of
+        reach after a while (`LEASE_MS`)."""
+        return self._alive
+
+    @property
     def shut_out(self) -> int:
         """How many packets of others were dropped, because they sent more than is heard."""
         return self._inbox.dropped.total()
@@ -94,9 +105,17 @@ class ZenohLink:
             self._session.close()
 
     def _heard(self, sample: Any) -> None:
-        name = str(sample.key_expr).rpartition("/")[2]
-        if name.isdigit() and int(name) != self.address.robot:
-            self._inbox.put(int(name), sample.payload.to_bytes())
+        sender = _robot_in(sample)
+        if sender not in (None, self.address.robot):
+            self._inbox.put(sender, sample.payload.to_bytes())
+
+    def _noticed(self, sample: Any) -> None:
+        """A token has come or gone; this is called by one thread."""
+        robot = _robot_in(sample)
+        if robot in (None, self.address.robot):
+            return
+        there = str(sample.kind).upper().endswith("PUT")
+        self._alive = self._alive | {robot} if there else self._alive - {robot}
 
     def _say(self) -> None:
         while (packet := self._outbox.get()) is not None:
@@ -105,6 +124,12 @@ class ZenohLink:
                 self._session.put(f"teamslam/{self.address.team}/{to}/{self.address.robot}", data)
             except Exception:
                 self.dropped += 1
+
+
+def _robot_in(sample: Any) -> Any:
+    """The robot that a key ends with; None where it ends with another word."""
+    name = str(sample.key_expr).rpartition("/")[2]
+    return int(name) if name.isdigit() else None
 
 
 def configuration(address: Address) -> dict[str, Any]:
@@ -150,17 +175,27 @@ def _access(team: str, members: Sequence[int]) -> dict[str, Any]:
         }
         for robot in members
     ]
+    says += [
+        {
+            "id": f"lives-{robot}",
+            "messages": ["liveliness_token"],
+            "flows": ["ingress"],
+            "permission": "allow",
+            "key_exprs": [f"teamslam/{team}/{ALIVE}/{robot}"],
+        }
+        for robot in members
+    ]
     everything = [f"teamslam/{team}/**"]
     listens = {
         "id": "listens",
-        "messages": ["declare_subscriber"],
+        "messages": ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"],
         "flows": ["ingress", "egress"],
         "permission": "allow",
         "key_exprs": everything,
     }
     answers = {
         "id": "answers",
-        "messages": ["put"],
+        "messages": ["put", "liveliness_token"],
         "flows": ["egress"],
         "permission": "allow",
         "key_exprs": everything,
@@ -172,6 +207,7 @@ def _access(team: str, members: Sequence[int]) -> dict[str, Any]:
         "rules": [*says, listens, answers],
         "subjects": subjects,
         "policies": [
-            {"rules": [f"says-{robot}", "listens", "answers"], "subjects": [common_name(robot)]} for robot in members
+            {"rules": [f"says-{robot}", f"lives-{robot}", "listens", "answers"], "subjects": [common_name(robot)]}
+            for robot in members
         ],
     }
