@@ -15,9 +15,11 @@ import pytest
 import scipy.sparse as sp
 
 import teamslam as ts
+from teamslam.cards import balance
 from teamslam.kernel import Analysis, BlockPattern
 from teamslam.results import Record, read_run
 from teamslam.solver import Covariances
+from teamslam.trust.fit import unknown
 from worlds import mixed_team, team
 
 LONGEST = 400
@@ -140,14 +142,24 @@ def test_making_a_record_does_not_freeze_what_it_was_made_of() -> None:
 
 def test_cards_are_small_whole_markup_without_a_script_or_a_link(records: list[Any]) -> None:
     cards = {type(r).__name__: r._repr_html_() for r in records if hasattr(r, "_repr_html_")}
-    assert {"Dataset", "Submap", "Joined", "Covariances", "Values", "Report", "Result", "Trajectory"} <= set(cards)
+    whole = {"Dataset", "Submap", "Joined", "Covariances", "Values", "Report", "Result", "Verdict", "Record"}
+    assert whole | {"Trajectory"} <= set(cards)
     for name, card in cards.items():
         ElementTree.fromstring(card)  # every tag is closed, every name escaped
         assert len(card) < 30_000, name
         assert "<script" not in card and "http://" not in card.replace("http://www.w3.org/2000/svg", "")
-    for name in ("Dataset", "Submap", "Joined", "Covariances", "Values", "Report"):
+    for name in whole:
         assert "<svg" in cards[name], name
     assert "fits" in cards["Result"] or "fit" in cards["Result"]
+
+
+def test_a_verdict_shows_which_sensor_is_off_and_one_that_is_none_says_why() -> None:
+    """Bars to the right of the line are above what is expected, to the left below."""
+    bars = ElementTree.fromstring(balance([("a", 100.0), ("<b>", 0.1), ("none", float("nan"))]))
+    high, low = (float(bar.attrib["x"]) for bar in bars.iter("{http://www.w3.org/2000/svg}rect"))
+    (line,) = bars.iter("{http://www.w3.org/2000/svg}line")
+    assert low < float(line.attrib["x1"]) == high and balance([]) == ""
+    assert "too few &lt;rows&gt;" in unknown("too few <rows>")._repr_html_()
 
 
 def test_names_with_markup_are_words_on_cards() -> None:

@@ -86,6 +86,30 @@ def lanes(times: Mapping[str, Points]) -> str:
     return _svg(parts, EDGE * 2 + high * len(known))
 
 
+def balance(ratios: Sequence[tuple[str, float]]) -> str:
+    """Positive numbers beside 1, on a scale of powers of ten: bars to the right are above 1, bars to the left below.
+    Empty where there are none."""
+    known = [(name, ratio) for name, ratio in ratios if np.isfinite(ratio) and ratio > 0][:MOST_LINES]
+    if not known:
+        return ""
+    reach = max(1.0, *(abs(np.log10(ratio)) for _, ratio in known))  # a tenth and ten at least
+    left, high = 98.0, min(16.0, (HEIGHT - 2 * EDGE) / len(known))
+    half = 0.5 * (WIDTH - EDGE - left)
+    parts = []
+    for place, (name, ratio) in enumerate(known):
+        top, long = EDGE + place * high, float(half * np.log10(ratio) / reach)
+        parts.append(
+            f'<text x="{left - 4}" y="{top + 0.7 * high:.1f}" font-size="9" text-anchor="end" fill="currentColor">'
+            f"{escape(in_words(name)[:20])}</text>"
+            f'<rect x="{left + half + min(long, 0.0):.1f}" y="{top + 2:.1f}" width="{abs(long):.1f}" '
+            f'height="{high - 4:.1f}" fill="{ROBOT_COLOURS[1 if long > 0 else 0]}"/>'
+        )
+    bottom = EDGE * 2 + high * len(known)
+    middle = f"{left + half:.1f}"
+    parts.append(f'<line x1="{middle}" y1="2" x2="{middle}" y2="{bottom - 2:.1f}" stroke="currentColor"/>')
+    return _svg(parts, bottom)
+
+
 def _boxes(bins: NDArray[np.int64], left: float, wide: float, top: float, high: float, shade: float) -> str:
     """The bins of a lane that are equally dark, neighbours as one box."""
     runs = np.split(bins, np.flatnonzero(np.diff(bins) > 1) + 1)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.answers import Answers, Residuals, ResidualTable
+from teamslam.answers.maps_card import facts_of, maps_card
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.model import Dataset, Submap, Values
@@ -59,7 +60,19 @@ class Record(Answers):
         return ResidualTable(rows)
 
     def __repr__(self) -> str:
-        return f"Record({self.report.get('status', 'a run')} {len(self.maps)} map{'s' * (len(self.maps) != 1)})"
+        return f"Record({'; '.join(value for _, value in self._facts())}{'; ' * bool(self._fit)}{self._fit})"
+
+    def _repr_html_(self) -> str:
+        return maps_card(self.report.get("input") or "A team's map", self, self._facts(), self._fit)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        done = self.report.get("converged")
+        state = [] if done is None else [("state", "converged" if done else "not converged")]
+        return [*facts_of(self), *state]
+
+    @property
+    def _fit(self) -> str:
+        return str((self.report.get("fit") or {}).get("sentence", ""))
 
     def with_covariances(self) -> "Record":
         """Itself, the covariances of all variables at hand: made once, before several ask at a time."""

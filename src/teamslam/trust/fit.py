@@ -19,6 +19,7 @@ from itertools import groupby
 
 import numpy as np
 
+from teamslam.cards import balance, card
 from teamslam.errors import SolveError, in_words
 from teamslam.joining import AtMap, Joined
 from teamslam.joining.build.build import CURE
@@ -35,6 +36,7 @@ GROSS = 9.0
 NEAR = 0.1  # a difference of the cost that is of no matter, however sure it is
 LOOSE = 0.67  # of the expected cost
 FEWEST = 10  # rows of a sensor that can be refused
+MOST_SENSORS = 12  # on a card
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,18 @@ class Verdict:
         if self.level == "unknown":
             return f"Verdict(unknown: {in_words(self.reason)})"
         return f"Verdict({self.level}: cost {self.cost:.6g}, expected {self.expected:.6g}, dof {self.dof:,})"
+
+    def _repr_html_(self) -> str:
+        if self.level == "unknown":
+            return card("Fit: unknown", sentence=self.reason)
+        shown, (low, high) = self.sensors[:MOST_SENSORS], self.band
+        facts = [
+            ("cost", f"{self.cost:,.0f}, where {self.expected:,.0f} is expected ({low:,.0f} to {high:,.0f} by chance)"),
+            *((share.what, f"{share.ratio:,.2f} times what is expected of {share.rows:,} rows") for share in shown),
+        ]
+        picture = balance([(share.what.removeprefix("robot ").partition(" (")[0], share.ratio) for share in shown])
+        said = "; ".join(cause.sentence for cause in self.causes)
+        return card(f"Fit: {self.level}", facts, picture=picture, sentence=said)
 
     @property
     def gross(self) -> bool:
