@@ -128,7 +128,7 @@ def seen(room, robot, k, rng, noise=1.0):
 
 
 def write(room, folder, kind="mcap", seed=0, odometry_noise=1.0, noise=1.0):
-    """A recording for each robot, and the team file; returns the path of the latter."""
+    """A recording for each robot, and the team file, which says that stamps are right; returns the path of the file."""
     rng = np.random.default_rng(seed + 1000)
     text = [f"[tags]\nsize_m = {SIZE}\n"]
     for robot in (0, 1):
@@ -157,6 +157,7 @@ recording = "{path.relative_to(folder)}"
 odometry = "/odom"
 dim = 2
 image_every_s = 0.0
+clock = {{ offset_sigma_s = 0.0, drift_sigma = 0.0 }}
 motion = {{ drift_m = 0.001, slip_m = 0.02, drift_rad = 0.0005, slip_rad = 0.015 }}
 [[robot.camera]]
 name = "front"
@@ -167,6 +168,7 @@ quaternion_wxyz = [0.5, -0.5, 0.5, -0.5]
 floor_px = {FLOOR}
 edge_px = {EDGE}
 line_s = {room.line_s}
+sigma = {{ delay_s = 0.0 }}
 """)
         for number, (R, T) in CUBES[robot].items():
             x, y, z, w = Rotation.from_matrix(R).as_quat().tolist()

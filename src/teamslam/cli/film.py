@@ -35,6 +35,8 @@ def film(
 
     ```
     experiment     much like a Kinect: noise, motion blur, distortion, rolling shutter, an exposure that changes
+    clocks         the same with clocks that are off by up to half a second and drift, and cameras that are late, as
+                   clocks.json says and the team file does not; the robots shake where they look about, and have a gyro
     ideal          the same room by a camera that is nearly perfect
     board          a calibration board, leaned to all sides before a camera, for `teamslam calibrate`
     board-one-angle    the same from practically one angle, which leaves the focal length open
@@ -57,7 +59,8 @@ def film(
     to
         mcap (ROS 2) or bag (ROS 1).
     """
-    from dataclasses import replace
+    import json
+    from dataclasses import asdict, replace
     from shlex import quote
 
     from teamslam.cli.console import answer, progress_bar, say
@@ -66,6 +69,7 @@ def film(
     from teamslam.errors import InputError
     from teamslam.io.bags.team_file import write_team_file
     from teamslam.io.bags.written import KINDS, image_messages, odometry_messages, pose_messages, write_recording
+    from teamslam.io.files.text import write_text
     from teamslam.results import made_folder
     from teamslam.results.words import counted
     from teamslam.sim.film import PRESETS
@@ -105,6 +109,8 @@ def film(
             )
             write_recording(out / team.robot[robot].recording, to, streams)
     write_team_file(team, out / "team.toml")
+    if made.options.off_clocks:
+        write_text(out / "clocks.json", json.dumps(asdict(made.clocks), indent=1) + "\n")
     frames = len(made.stamps_s) * len(made.robots)
     say(f"filmed: {counted(len(made.robots), 'robot', frames, 'image')}, and the truth")
     say(f"written: {out}")

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
 
 def recorded_besides(input: Path, result: "Result", record: "Record", out: Path, progress: "Progress") -> list[str]:
     """Write them into the run's folder; says what they leave out. Nothing for any other log."""
-    from teamslam.io.bags.team_file import is_team_file, read_team_file
+    from teamslam.io.bags.team import Reading
+    from teamslam.io.bags.team_file import is_team_file, read_team_file, write_team_file
     from teamslam.results.frames import write_frames
     from teamslam.results.reprojection import reprojected, write_reprojection
     from teamslam.results.table_3 import write_table_3
@@ -23,6 +24,10 @@ def recorded_besides(input: Path, result: "Result", record: "Record", out: Path,
         read_team_file(input).with_recordings(others if isinstance(others, list) else [], input),
         input.parent,
     )
+    reading = result.dataset.unknowns
+    if result.unknowns is not None and isinstance(reading, Reading):  # clocks and cameras as they were found
+        team = reading.file
+        write_team_file(team, out / "team_found.toml")
     dropped = write_tags(record, team, out / "tags")
     found = reprojected(result.dataset, record.maps, team, folder)
     if found:

@@ -18,6 +18,7 @@ from teamslam.model.keys import Names, is_landmark, is_pose, robot_of
 from teamslam.model.layout import Kind, Layout, point_kind, pose_kind
 from teamslam.model.losses import Loss
 from teamslam.model.tables import Table
+from teamslam.model.unknowns import Unknowns
 from teamslam.model.values import Values
 
 
@@ -36,6 +37,7 @@ class Dataset:
     `robots` maps each robot's number to the dimension it moves in (2 or 3). Every pose that a table names belongs to
     one of them (ModelError otherwise). `truth` and `initial` are partial: values of some of the same keys, in any one
     frame. `dropped` says what the reader left out, `notes` in words how it understood what can be read in several ways.
+    `unknowns` are numbers that the rows rest on and nobody measured, where the reader knows of any.
     """
 
     robots: dict[int, int]
@@ -46,6 +48,7 @@ class Dataset:
     dropped: tuple[Dropped, ...] = ()
     notes: tuple[str, ...] = ()
     origin: str = ""
+    unknowns: Unknowns | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.robots, FrozenDict):

@@ -1,4 +1,5 @@
-"""What is put right in a log: before it is mapped what lies, and once there is a map what is wrong with its noise."""
+"""What is put right in a log: before it is mapped what it rests on and what lies, and once there is a map what is wrong
+with its noise."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,6 +11,20 @@ from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
 from teamslam.trust import Decisions, Suspicions, has_mistakes, mended, suspicions, wrong_sightings
 from teamslam.trust.calibration import Calibration, as_stated, calibrate
+from teamslam.trust.unknowns import Settled, settled, with_unknowns
+
+
+def settled_by(log: Dataset, config: Config, clock: Clock) -> Settled | None:
+    """The log by clocks, cameras and whatever else it rests on, estimated from itself; None where it rests on nothing
+    that is uncertain."""
+    if log.unknowns is None or not log.unknowns.each:
+        return None
+    clock.start("clocks and cameras")
+
+    def adapted(log: Dataset) -> Dataset:
+        return log if config.loss is None else log.with_loss(config.loss)
+
+    return settled(log, config.solver, clock.tick, adapted)
 
 
 def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisions | None, Suspicions | None]:
@@ -73,6 +88,15 @@ def once_more(
         carried = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
         again, built = _joined_again(carried, near, config), tuple(carried)
     return pieces, built, replace(again, left_out=joined.left_out, remarks=joined.remarks)
+
+
+def carrying_unknowns(joined: Joined, log: Dataset, found: Settled) -> Joined:
+    """Maps with what is uncertain of clocks and cameras among their variables."""
+    known = found.known
+    if known is None:
+        return joined
+    carried = (replace(c, map=with_unknowns(c.map, log.tables, known)) for c in joined.components)
+    return replace(joined, components=tuple(carried))
 
 
 def _joined_again(submaps: Sequence[Submap], near: Joined, config: Config) -> Joined:

@@ -12,6 +12,7 @@ from teamslam.model import Dataset, Submap, Values
 from teamslam.solver import Covariances
 from teamslam.trust import Assessment, Decisions, Suspicions, Verdict, sentence
 from teamslam.trust.calibration import Calibration
+from teamslam.trust.unknowns import Settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +23,8 @@ class Result(Answers):
     a cost is None where the raw measurements are not at hand, and `scores` is empty where no truth is known. `submaps`
     is empty for full least squares. `trust` says how far the map is to be believed, `decisions` which sightings were
     wrong and left out, where that was asked for; `calibration` what was wrong with the model of the data, and was put
-    right; it is false where nothing was, None where the noise was taken as stated.
+    right; it is false where nothing was, None where the noise was taken as stated. `unknowns` is what the log rests on
+    and nobody measured, clocks and cameras, and what was found of it; None where there is nothing uncertain.
     """
 
     config: Config
@@ -36,6 +38,7 @@ class Result(Answers):
     seconds: dict[str, float]
     decisions: Decisions | None = None
     calibration: Calibration | None = None
+    unknowns: Settled | None = None
 
     @property
     def map(self) -> Submap:

@@ -1,6 +1,7 @@
 """The whole story in one page, in the paper's order:
 
-landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
+clocks and cameras of recordings, estimated with a map
+-> landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
 -> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
 -> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
@@ -17,7 +18,7 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
-from teamslam.pipeline.mending import calibrated, cleared, once_more
+from teamslam.pipeline.mending import calibrated, carrying_unknowns, cleared, once_more, settled_by
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
 from teamslam.solver import Covariances, meanwhile
@@ -50,10 +51,14 @@ def run(
     if any(is_unnamed(table.keys).any() for table in dataset.tables):
         clock.start("landmarks without names")
         dataset = associate(dataset).dataset
+    found = settled_by(dataset, config, clock)
+    dataset = dataset if found is None else found.log
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     try:
         log, decisions, suspected = cleared(log, config, clock)
         pieces, submaps, joined = mapped(log, config, workers, work, clock)
+        if found is not None and workers is None:
+            joined = carrying_unknowns(joined, log, found)
     except SolveError as error:
         raise explained(error, log) from None
     at = _at(log, joined)
@@ -90,8 +95,9 @@ def run(
     except SolveError as error:  # a map that has no covariances
         raise explained(error, log) from None
     return Result(
-        config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(), decisions, calibration
-    )
+        config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(),
+        decisions, calibration, found,
+    )  # fmt: skip
 
 
 def _log_in(given: Dataset | str | Path, config: Config) -> Dataset:

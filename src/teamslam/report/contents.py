@@ -90,7 +90,8 @@ class Table:
 class Page:
     """All of a page. `verdict` is the level (fits, loose, strained, misfit, unknown), `sentence` what it says;
     `summary` names and values, a name is empty where it goes on; `thinned` says what is drawn in part, `alerts` why the
-    map is not whole, or not to be believed; `rejected` are sightings that look wrong."""
+    map is not whole, or not to be believed; `rejected` are sightings that look wrong; `pictures` are
+    titles with PNG files."""
 
     title: str
     verdict: str
@@ -106,3 +107,4 @@ class Page:
     thinned: Sequence[str] = field(default=())
     alerts: Sequence[str] = field(default=())
     rejected: Sequence[Rows] = field(default=())
+    pictures: Sequence[tuple[str, bytes]] = field(default=())

@@ -5,7 +5,6 @@ the fork come to nothing (killed, out of memory), figures are drawn here when th
 """
 
 import gc
-import io
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -16,11 +15,10 @@ from typing import TYPE_CHECKING
 
 from teamslam.config import Config
 from teamslam.io.files.whole import whole_file
-from teamslam.results.figures import figures_of, save
+from teamslam.results.figures import figures_of, png_of, save
 from teamslam.results.page import PAGE, page_bytes, write_page
 from teamslam.results.record import Record
 from teamslam.results.whole import made_folder
-from teamslam.viz import saved
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,7 +87,7 @@ def _draw(record: Record, config: Config, answer: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.freeze()  # what it inherits is not its to look through
     try:
-        figures = {f"figures/{name}.png": _png(figure) for name, figure in figures_of(record).items()}
+        figures = {f"figures/{name}.png": png_of(figure) for name, figure in figures_of(record).items()}
         answer.send(figures | {PAGE: page_bytes(record, config)})
     except BrokenPipeError:
         return
@@ -98,12 +96,6 @@ def _draw(record: Record, config: Config, answer: Connection) -> None:
             answer.send(error)
         except Exception:
             answer.send(RuntimeError(f"{type(error).__name__}: {error}"))
-
-
-def _png(figure: "Figure") -> bytes:
-    file = io.BytesIO()
-    saved(figure, file)
-    return file.getvalue()
 
 
 def _written(drawn: dict[str, bytes], folder: Path) -> list[Path]:

@@ -1,5 +1,6 @@
-"""The figures of a run, by name: map, convergence, errors, consistency; those that the run has data for."""
+"""The figures of a run, by name: map, convergence, clocks, errors, consistency; those that the run has data for."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,10 @@ from teamslam.results.errors import error_tracks, truth_by_team
 from teamslam.results.record import Record
 from teamslam.solver import Covariances
 from teamslam.viz import (
+    Estimated,
     ResidualTrack,
     Scene,
+    draw_clocks,
     draw_consistency,
     draw_convergence,
     draw_errors,
@@ -28,6 +31,8 @@ from teamslam.viz.style import METHOD_NAMES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+SHOWN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "rad": ("degrees", 180.0 / np.pi)}
+"""The units in which unknowns are told, and how many of them one of their own is."""
 OBJECTIVES = {"join": "what joining adds to the cost of the submaps", "full": "cost (sum of losses)"}
 
 
@@ -36,7 +41,7 @@ def figures_of(record: Record) -> "dict[str, Figure]":
     figures = {_numbered("map", n): draw_map(scene_of(record, n)) for n in range(len(record.maps))}
     if any(record.costs):
         figures["convergence"] = _convergence(record)
-    figures |= _residuals(record)
+    figures |= _residuals(record) | clocks_figure(record)
     for n, submap in enumerate(record.maps):
         found = None if record.truth is None else error_tracks(submap, record.truth, record.covariances[n])
         if found is not None and found.tracks:
@@ -61,6 +66,29 @@ def _residuals(record: Record) -> "dict[str, Figure]":
     if of_landmarks:
         figures["residuals_by_landmark"] = draw_residuals_by_landmark(of_landmarks, **look)
     return figures
+
+
+def clocks_figure(record: Record) -> "dict[str, Figure]":
+    """`clocks`: clocks and cameras, where any was estimated; else nothing."""
+    names = record.maps[0].names
+    start_s = min(float(names.stamps_s(m.trajectory_keys(r)[:1])[0]) for m in record.maps for r in m.robots_in_it)
+    numbers = []
+    for one in (record.report.get("estimated") or {}).get("unknowns", []):
+        unit, times = SHOWN.get(one["unit"], ("", 1.0))
+        if one["told"] and one["windows"]:
+            stamps, values, sigmas = (np.array([w[f] for w in one["windows"]]) for f in ("stamp_s", "value", "sigma"))
+            name = f"{one['of']}: {one['name']}" + (f" [{unit}]" if unit else "")
+            told = (one["value"] * times, one["sigma"] * times, one["stated"] * times)
+            numbers.append(Estimated(name, *told, stamps - start_s, values * times, sigmas * times))
+    title = f"{headline(record).partition(', part')[0]}, clocks and cameras"
+    return {"clocks": draw_clocks(numbers, title)} if numbers else {}
+
+
+def png_of(figure: "Figure") -> bytes:
+    """A figure as a PNG file."""
+    file = BytesIO()
+    saved(figure, file)
+    return file.getvalue()
 
 
 def save(figure: "Figure", path: Path, *, dpi: float | None = None) -> None:

@@ -13,6 +13,7 @@ What is in it:
     history.csv        the solver's steps             log.npz         truth and sightings, to draw from later
     tags/              of recordings: the tags for other programs (see `tagged`)
     frames/            of recordings with images: the worst and the best, with corners as seen and as mapped
+    team_found.toml    of recordings: the team file with clocks and cameras as they were found
     table_3.csv        of recordings with truth: errors by full least squares, join and exact join
 """
 
@@ -195,5 +196,5 @@ FILES: dict[str, Callable[[Record, Path], object]] = {
     "tum": _write_tum,
     "report.json": _write_report,
 }
-OURS = (*FILES, "config.toml", "figures", PAGE, "tags", "frames", "table_3.csv")
+OURS = (*FILES, "config.toml", "figures", PAGE, "tags", "frames", "table_3.csv", "team_found.toml")
 """What a run writes; nothing else is ever replaced."""

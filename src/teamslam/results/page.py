@@ -14,7 +14,7 @@ from teamslam.geometry import Array, IntArray
 from teamslam.io.files.whole import whole_file
 from teamslam.model import Names, Values, chi2_quantile, robot_of
 from teamslam.report import Marks, Page, Part, Sightings, Way, html_of, within
-from teamslam.results.figures import headline, scene_of
+from teamslam.results.figures import clocks_figure, headline, png_of, scene_of
 from teamslam.results.page_rows import rows_of
 from teamslam.results.page_tables import tables_of
 from teamslam.results.page_trust import doubted_marks, doubts_in, rejected_rows
@@ -61,6 +61,7 @@ def page_of(record: Record, config: Config) -> Page:
         config=config_text(config),
         thinned=[*seen.thinned(), *thinned_rows],
         alerts=list(_alerts(record.report)),
+        pictures=[("Clocks and cameras", png_of(figure)) for figure in clocks_figure(record).values()],
     )
 
 

@@ -26,6 +26,14 @@ Its fields:
                                    `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang
                                    together in time; `sigmas_m`, what those of landmarks and robots come from.
                                    null where it was not asked for
+    estimated                      of recordings, what they rest on and nobody measured, clocks, latencies, places of
+                                   cameras and whatever the team file calls uncertain, estimated with the map:
+                                   `unknowns`, each `of` a robot or a camera, with its `name` and `unit`, the `stated`
+                                   value and its `prior` sigma, the `value` that the map is made by and its `sigma`,
+                                   whether the rows `told` it, and `windows`, what stretches of the recordings say by
+                                   themselves (the map held); their `covariance`; whether they are `settled` after so
+                                   many `rounds`, or `why` nothing was estimated; the same in `sentences`; null where
+                                   nothing is uncertain
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
@@ -88,6 +96,7 @@ from teamslam.pipeline import Result
 from teamslam.results.suspects import suspicions_of, wrong_of
 from teamslam.trust import Verdict, sentence
 from teamslam.trust.calibration import sentences
+from teamslam.trust.unknowns import sentences_of
 from teamslam.trust.weak import Weak
 from teamslam.trust.weak.sightings import Sighting
 
@@ -117,6 +126,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "numbers_used": _total(parts, "numbers_used"),
         "fit": _fit(result.verdict),
         "calibration": _calibration(result),
+        "estimated": _estimated(result),
         "iterations": _total(parts, "iterations"),
         "seconds": sum(result.seconds.values()),
         "components": len(components),
@@ -246,6 +256,25 @@ def _calibration(result: Result) -> dict[str, Any] | None:
         "lasting": [asdict(lasting) for lasting in found.lasting],
         "sigmas_m": [asdict(sigmas) for sigmas in found.sigmas],
     }
+
+
+def _estimated(result: Result) -> dict[str, Any] | None:
+    """What was found of clocks, cameras and edges of tags, in words and figures."""
+    found = result.unknowns
+    if found is None:
+        return None
+    return {
+        "sentences": sentences_of(found),
+        "settled": found.settled,
+        "rounds": found.rounds,
+        "why": found.why or None,
+        "unknowns": [
+            {**asdict(one.unknown), "value": one.value, "sigma": one.sigma, "told": one.told,
+             "windows": [asdict(window) for window in one.windows]}
+            for one in found.found
+        ],
+        "covariance": found.covariance.tolist(),
+    }  # fmt: skip
 
 
 def _status(parts: Sequence[dict[str, Any]]) -> str:

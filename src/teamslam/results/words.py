@@ -22,6 +22,7 @@ def outcome(report: Report) -> Rows:
         *(("remark", sentence) for sentence in report.get("remarks", [])),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
         *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
+        *(("estimated", sentence) for sentence in (report.get("estimated") or {}).get("sentences", ())),
         *_rejected(report.get("rejected")),
         *_suspicions(report.get("suspicions")),
         *_fit(report["fit"]),

@@ -1,5 +1,6 @@
 """Figures: records in, matplotlib figures out; never shown or saved here. matplotlib is imported when one is drawn."""
 
+from teamslam.viz.clocks import Estimated, draw_clocks
 from teamslam.viz.coloured import draw_error_map, draw_residual_map
 from teamslam.viz.compared import ErrorCloud, draw_comparison
 from teamslam.viz.convergence import draw_convergence
@@ -15,9 +16,11 @@ __all__ = [
     "SIDES",
     "ErrorCloud",
     "ErrorTrack",
+    "Estimated",
     "ResidualTrack",
     "Scene",
     "Side",
+    "draw_clocks",
     "draw_comparison",
     "draw_consistency",
     "draw_convergence",

@@ -13,7 +13,7 @@ Source: OpenCV's calib3d and fisheye models; Kannala, Brandt (2006) for equidist
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,10 @@ class Camera:
         numbers = (*self.focal, *self.centre, *self.distortion)
         if not np.isfinite(numbers).all() or min(self.focal) <= 0.0:
             raise InputError(f"focal lengths are above 0 and all numbers finite; found {numbers}")
+
+    def longer(self, scale: float) -> "Camera":
+        """With focal lengths `scale` times as long."""
+        return self if scale == 1.0 else replace(self, focal=(self.focal[0] * scale, self.focal[1] * scale))
 
     def project(self, points: Array) -> Array:
         """Where points (..., 3) in the camera's frame appear (..., 2) [pixels]; NaN for those that it cannot see."""

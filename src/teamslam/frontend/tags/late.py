@@ -27,16 +27,16 @@ class Motion:
     body: Pose
 
 
-def at_one_instant(rays: Array, points: Array, whitening: Array, motion: Motion) -> Array:
+def at_one_instant(rays: Array, points: Array, whitening: Array, motion: Motion, standing: Pose | None = None) -> Array:
     """The directions (m, 4, 3) in which corners would have been seen at the instant of the keyframe, from those in
     which they were seen; `points` (m, 4, 3) are the corners in the bodies' frames, `whitening` (m, 8, 8) that of the
-    directions.
+    directions. With `standing` (m,), how the bodies stood to the eye at the keyframe, nothing is looked for.
 
     Law: exact for directions without noise, up to the ROUNDS-th power of the motion, where these tell one pose.
     """
     here = rays
-    for _ in range(ROUNDS):
-        pose = resect(here, points, whitening).poses[:, 0]
+    for _ in range(ROUNDS if standing is None else 1):
+        pose = resect(here, points, whitening).poses[:, 0] if standing is None else standing
         moved = motion.body.act(points)
         there = motion.eye.unact(moved @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[:, None])
         distance = np.linalg.norm(there, axis=-1, keepdims=True)

@@ -39,11 +39,18 @@ class Tag:
 
 
 def corner_rows(
-    seen: TagCorners, camera: Camera, tags: list[Tag], floor: float, edge: float, motion: Motion | None = None
+    seen: TagCorners,
+    camera: Camera,
+    tags: list[Tag],
+    floor: float,
+    edge: float,
+    motion: Motion | None = None,
+    standing: Pose | None = None,
 ) -> tuple[Array, Array, BoolArray]:
     """Values (m, 24) and whitening (m, 8, 8) of the model `corners`, and which rows (m,) have a direction at each
     corner; `tags` (m,) are those that were seen. `motion` (m, 4) is that of the eye, in axes that look along x, and of
-    the tags' carriers, until each corner was seen; None: all were seen at the instant of the keyframe."""
+    the tags' carriers, until each corner was seen; None: all were seen at the instant of the keyframe. `standing` (m,)
+    is how the carriers stood to the eye then, where that is known."""
     rays, good = camera.rays(seen.corners)
     turned = rays @ LOOKING.rotation
     slopes = camera.ray_slopes(seen.corners)  # in the axes of the camera
@@ -59,5 +66,6 @@ def corner_rows(
     if motion is not None and usable.any():
         rows = np.flatnonzero(usable)
         part = Motion(motion.eye[rows], motion.body[rows])
-        turned[rows] = at_one_instant(turned[rows], places[rows].reshape(-1, 4, 3), whitening[rows], part)
+        known = None if standing is None else standing[rows]
+        turned[rows] = at_one_instant(turned[rows], places[rows].reshape(-1, 4, 3), whitening[rows], part, known)
     return np.concatenate([turned.reshape(-1, 12), places], -1), whitening, usable

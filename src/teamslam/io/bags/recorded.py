@@ -82,6 +82,10 @@ def _pictures_in_files(path: Path, camera: CameraEntry, folder: Path) -> Picture
 
 
 def _camera_of(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:
+    return _calibrated(camera, folder, recording).longer(camera.focal_scale)
+
+
+def _calibrated(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:
     topic = camera.calibration.startswith("/") and "." not in camera.calibration  # of which no topic has one
     if recording is not None and topic and not Path(camera.calibration).is_file():
         return camera_in(recording, camera.calibration)

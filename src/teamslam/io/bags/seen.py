@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.clock import Clock
 from teamslam.frontend.stamps import keyframe_of, merge
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners, Track
 from teamslam.frontend.tags.camera import Camera
@@ -78,6 +79,15 @@ class Seen:
     views: tuple[View, ...]
     dropped: tuple[Dropped, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def clock(self) -> Clock:
+        """Its clock beside the team's."""
+        streams = [np.zeros(0, np.int64) if self.track is None else self.track.ticks]
+        streams += [view.corners.frames for view in self.views]
+        ticks = next((ticks for ticks in streams if len(ticks)), np.zeros(1, np.int64))
+        stated = self.entry.clock
+        return Clock(int((ticks.min() + ticks.max()) // 2), stated.offset_s, stated.drift)
 
     def with_tags(self, team: TeamFile, book: Book) -> "Seen":
         """The detections that count, with their tags; the others are counted."""

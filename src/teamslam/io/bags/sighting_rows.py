@@ -6,6 +6,7 @@ the keyframe's instant (`frontend.tags.late`).
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.late import Motion
 from teamslam.frontend.tags.rows import LOOKING, corner_rows
 from teamslam.frontend.way import moved
-from teamslam.geometry import Array, IntArray, Pose
+from teamslam.geometry import Array, BoolArray, IntArray, Pose
+from teamslam.geometry.resection import resect
 from teamslam.io.bags.seen import Seen, View
 from teamslam.io.bags.team_file import TeamFile
 from teamslam.model import Loss, Table, landmark_key, landmark_number, pose_key
@@ -24,34 +26,93 @@ SOURCES = ("landmarks", "robots")
 
 def sightings_of(robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray], file: TeamFile) -> list[Table]:
     """A robot's sightings, a table for each camera and source. Robots are numbered from 1 in the order of `team`, and
-    have keyframes [ticks] by number; `robot` may be one of them with its tags renamed."""
+    have keyframes [ticks] by number, by their own clocks; `robot` may be one of them with its tags renamed."""
+    loss = Loss(file.tags.loss, file.tags.loss_scale)
+    return [part.table(team, loss) for part in parts_of(robot, team, keyframes)]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a camera of a robot saw of one source: the robot's number, the camera's place among its views, the `mine` of
+    whose sightings it is (m,), their keys (m, 2) and `ids` (m,); the keyframes of who saw and, where `carriers` (m,)
+    says which robot carries a tag, of who was seen."""
+
+    number: int
+    source: str
+    camera: int
+    mine: BoolArray
+    keys: IntArray
+    ids: IntArray
+    observers: IntArray
+    carriers: IntArray
+    targets: IntArray
+
+    def table(self, team: Sequence[Seen], loss: Loss, standing: Pose | None = None) -> Table:
+        """Its rows, by the clocks and cameras of `team`; `standing` as in `corner_rows`."""
+        view = team[self.number - 1].views[self.camera].select(self.mine)
+        motion = _motion(view, self.number, self.observers, self.carriers, self.targets, team)
+        values, white, good = corner_rows(
+            view.corners, view.camera, list(view.tags), view.entry.floor_px, view.entry.edge_px, motion, standing
+        )
+        sensor = view.entry.pose @ LOOKING
+        return Table(
+            self.number,
+            self.source,
+            "corners",
+            3,
+            self.keys[good],
+            values[good],
+            white[good],
+            self.ids[good],
+            sensor,
+            loss,
+        )
+
+    def differs(self, one: Sequence[Seen], other: Sequence[Seen]) -> bool:
+        """Whether its rows may be others by the clocks, cameras and tags of another team."""
+        here, there = (team[self.number - 1].views[self.camera] for team in (one, other))
+        if here.entry != there.entry or here.camera != there.camera or here.tags[:1] != there.tags[:1]:
+            return True
+        seen = np.unique(self.carriers[self.carriers > 0]).tolist()
+        return any(one[n - 1].clock != other[n - 1].clock for n in {self.number, *seen} if seen)
+
+    def standing(self, table: Table) -> Pose:
+        """How carriers stood to the eye (m,) at the keyframes of its rows; rows that are not in the table: anyhow."""
+        rays, points = (table.values[:, part].reshape(-1, 4, 3) for part in (slice(0, 12), slice(12, 24)))
+        found, rows = resect(rays, points, table.whitening).poses[:, 0], np.searchsorted(self.ids, table.ids)
+        rotation, translation = np.tile(np.eye(3), (len(self.ids), 1, 1)), np.tile([1.0, 0.0, 0.0], (len(self.ids), 1))
+        rotation[rows], translation[rows] = found.rotation, found.translation
+        return Pose(rotation, translation)
+
+
+def parts_of(robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray]) -> list[Part]:
+    """The parts of what a robot saw, those that are not empty."""
     numbers = {other.entry.name: k for k, other in enumerate(team, 1)}
     number = numbers[robot.entry.name]
-    tables: list[Table] = []
+    parts: list[Part] = []
     first = dict.fromkeys(SOURCES, 0)
-    loss = Loss(file.tags.loss, file.tags.loss_scale)
-    for view in robot.used().views:
-        sensor = view.entry.pose @ LOOKING
+    for camera, view in enumerate(robot.views):
         for source in SOURCES:
-            part = view.select(np.array([tag.is_robot == (source == "robots") for tag in view.tags], bool))
+            mine = np.array([tag.is_robot == (source == "robots") for tag in view.tags], bool)
+            part = view.select(mine)
             if not len(part.corners):
                 continue
             observers = keyframe_of(keyframes[number], part.ticks)
             carriers = np.array([numbers[tag.carrier] if tag.is_robot else 0 for tag in part.tags])
             targets = part.ticks.copy()
             for other in np.unique(carriers[carriers > 0]).tolist():
-                targets[carriers == other] = keyframe_of(keyframes[other], part.ticks[carriers == other])
-            motion = _motion(part, number, observers, carriers, targets, team)
-            values, white, good = corner_rows(
-                part.corners, part.camera, list(part.tags), part.entry.floor_px, part.entry.edge_px, motion
-            )
+                seen = ticks_by(team, number, other, part.ticks[carriers == other])
+                targets[carriers == other] = keyframe_of(keyframes[other], seen)
             keys = np.stack([pose_key(number, observers), _keys_of(part, carriers, targets)], -1)
-            ids = first[source] + np.arange(len(values))
-            first[source] += len(values)
-            tables.append(
-                Table(number, source, "corners", 3, keys[good], values[good], white[good], ids[good], sensor, loss)
-            )
-    return tables
+            ids = first[source] + np.arange(len(keys))
+            first[source] += len(keys)
+            parts.append(Part(number, source, camera, mine, keys, ids, observers, carriers, targets))
+    return parts
+
+
+def ticks_by(team: Sequence[Seen], one: int, other: int, ticks: IntArray) -> IntArray:
+    """Stamps of one robot as another's clock would have them."""
+    return ticks if one == other else team[other - 1].clock.own(team[one - 1].clock.team(ticks))
 
 
 def _keys_of(view: View, carriers: IntArray, targets: IntArray) -> IntArray:
@@ -67,8 +128,11 @@ def _motion(
 ) -> Motion | None:
     """How eye and carriers moved from their keyframes until each corner was seen, as far as odometry says; None where
     all were seen there."""
-    late = _late(view, observers, team[number - 1])
-    moving = {other: _late(view, targets, team[other - 1]) for other in np.unique(carriers[carriers > 0]).tolist()}
+    late = _late(view, view.ticks - observers, team[number - 1])
+    moving = {
+        other: _late(view, ticks_by(team, number, other, view.ticks) - targets, team[other - 1])
+        for other in np.unique(carriers[carriers > 0]).tolist()
+    }
     if not late.any() and not any(times[carriers == other].any() for other, times in moving.items()):
         return None
     body = Pose.identity(3, late.shape)
@@ -82,10 +146,10 @@ def _motion(
     return Motion(eye, Pose(rotation, translation))
 
 
-def _late(view: View, instants: IntArray, mover: Seen) -> Array:
-    """How long after a mover's instants [ticks] (m,) each corner (m, 4) was seen [s]; 0 where nothing tells how it
-    moved meanwhile."""
-    seen = (view.ticks - instants)[:, None] / TICKS_PER_S + view.line_late_s
+def _late(view: View, after: IntArray, mover: Seen) -> Array:
+    """How long after a mover's keyframe each corner (m, 4) was seen [s], images that were taken `after` it (m,)
+    [ticks]; 0 where nothing tells how it moved meanwhile."""
+    seen = after[:, None] / TICKS_PER_S + view.line_late_s
     return np.zeros_like(seen) if mover.track is None else np.asarray(seen)
 
 

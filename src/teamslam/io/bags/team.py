@@ -8,6 +8,7 @@ and as many more as tags need that are seen seldom.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,18 +19,23 @@ from teamslam.frontend.stamps import merge
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.identities import places_of_tags
 from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.io.bags.first_guess import first_guess
 from teamslam.io.bags.looked import Progress
 from teamslam.io.bags.recorded import seen_by
 from teamslam.io.bags.seen import MERGE_S, Book, Seen
-from teamslam.io.bags.sighting_rows import sightings_of
+from teamslam.io.bags.sighting_rows import Part, parts_of, sightings_of, ticks_by
 from teamslam.io.bags.team_file import TeamFile, is_team_file, read_team_file
+from teamslam.io.bags.unknowns import Stated, file_with, stated_in, team_with
 from teamslam.io.bags.way_rows import way_of
 from teamslam.io.files.options import options_of
 from teamslam.model import (
     Dataset,
+    Dropped,
     Kind,
+    Loss,
     Names,
     Table,
+    Unknown,
     Values,
     index_of,
     landmark_key,
@@ -62,41 +68,101 @@ def read(path: Path, options: Mapping[str, object] | None = None, progress: Prog
     for robot in seen:
         book.dropped += robot.dropped
         book.notes += robot.notes
-    told = [robot.with_tags(team, book) for robot in seen]
-    numbers = {robot.name: k + 1 for k, robot in enumerate(team.robot)}
-    keyframes = _keyframes(told, numbers)
-    tables: list[Table] = []
-    called: dict[int, str] = {}
-    for robot in told:
-        number = numbers[robot.entry.name]
-        places = places_of_tags(sightings_of(robot, told, keyframes, team))
-        robot = robot.with_places(places, called, book)
-        tables += way_of(robot, number, keyframes[number], book)
-        tables += sightings_of(robot, told, keyframes, team)
-    if not any(table.source != "odometry" for table in tables):
-        raise InputError("no tag was seen in any image; check topics and calibrations", path=path)
-    landmarks = called | {landmark_number(entry.name): entry.name for entry in team.landmark}
-    names = Names({number: name for name, number in numbers.items() if name != str(number)}, landmarks)
-    log = Dataset(
-        {numbers[robot.name]: robot.dim for robot in team.robot},
-        tuple(tables),
-        names,
-        dropped=tuple(book.dropped),
-        notes=tuple(book.notes),
-        origin=str(path),
-    )
-    return replace(log, truth=_truth(told, team, log))
+    told = tuple(robot.with_tags(team, book) for robot in seen)
+    recordings = Recordings(team, path, told, stated_in(team, told), tuple(book.dropped), tuple(book.notes))
+    return recordings.log(first_guess(told, recordings.stated))
+
+
+@dataclass(frozen=True, eq=False)
+class Recordings:
+    """What all robots of a team saw, every detection that counts, and what in the team file is `stated` only."""
+
+    file: TeamFile
+    path: Path
+    told: tuple[Seen, ...]
+    stated: tuple[Stated, ...]
+    dropped: tuple[Dropped, ...]
+    notes: tuple[str, ...]
+
+    def log(self, values: Array) -> Dataset:
+        """The log, were what is stated `values`."""
+        book = Book()
+        file = file_with(self.file, self.stated, values)
+        team = [robot.used() for robot in team_with(self.told, file)]
+        numbers = {robot.name: k + 1 for k, robot in enumerate(file.robot)}
+        keyframes = _keyframes(team, numbers)
+        tables: list[Table] = []
+        called: dict[int, str] = {}
+        named: list[Seen] = []
+        for robot in team:
+            number = numbers[robot.entry.name]
+            places = places_of_tags(sightings_of(robot, team, keyframes, file))
+            robot = robot.with_places(places, called, book)
+            named.append(robot)
+            tables += way_of(robot, number, keyframes[number], book)
+            tables += sightings_of(robot, team, keyframes, file)
+        if not any(table.source != "odometry" for table in tables):
+            raise InputError("no tag was seen in any image; check topics and calibrations", path=self.path)
+        landmarks = called | {landmark_number(entry.name): entry.name for entry in file.landmark}
+        names = Names({number: name for name, number in numbers.items() if name != str(number)}, landmarks)
+        log = Dataset(
+            {numbers[robot.name]: robot.dim for robot in file.robot},
+            tuple(tables),
+            names,
+            dropped=(*self.dropped, *book.dropped),
+            notes=(*self.notes, *book.notes),
+            origin=str(self.path),
+            unknowns=Reading(self, values, tuple(tables), file, tuple(team), tuple(named), keyframes),
+        )
+        return replace(log, truth=_truth(team, file, log))
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """The unknowns of a log of recordings (`teamslam.model.Unknowns`), whose `tables` were made by the `file` that
+    states `values`: those sightings that are `used`, with tags `named` as they are in the log."""
+
+    recordings: Recordings
+    values: Array
+    tables: tuple[Table, ...]
+    file: TeamFile
+    used: tuple[Seen, ...]
+    named: tuple[Seen, ...]
+    keyframes: Mapping[int, IntArray]
+
+    @property
+    def each(self) -> tuple[Unknown, ...]:
+        """What is unknown."""
+        return tuple(stated.unknown for stated in self.recordings.stated)
+
+    def again(self, values: Array) -> Dataset:
+        """The log, were they others."""
+        return self.recordings.log(values)
+
+    def varied(self, values: Array) -> tuple[Table, ...]:
+        """Those sightings of this log that would be others, were the unknowns."""
+        now = team_with(self.used, file_with(self.recordings.file, self.recordings.stated, values))
+        loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
+        return tuple(part.table(now, loss, standing) for part, standing in self._parts if part.differs(self.used, now))
+
+    @cached_property
+    def _parts(self) -> list[tuple[Part, Pose]]:
+        """The parts of all robots, and how what they saw stood to them."""
+        loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
+        parts = [part for robot in self.named for part in parts_of(robot, self.used, self.keyframes)]
+        return [(part, part.standing(part.table(self.used, loss))) for part in parts]
 
 
 def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, IntArray]:
-    """Where each robot needs a pose: in its images, and when it was seen."""
+    """Where each robot needs a pose, by its own clock: in its images, and when it was seen."""
     wanted: dict[int, list[IntArray]] = {number: [] for number in numbers.values()}
     for robot in team:
-        for view in robot.used().views:
+        for view in robot.views:
             wanted[numbers[robot.entry.name]].append(view.ticks)
             for tag in {tag.carrier for tag in view.tags if tag.is_robot}:
                 rows = np.array([t.is_robot and t.carrier == tag for t in view.tags])
-                wanted[numbers[tag]].append(view.ticks[rows])
+                seen = ticks_by(team, numbers[robot.entry.name], numbers[tag], view.ticks[rows])
+                wanted[numbers[tag]].append(seen)
     merged = round(MERGE_S * TICKS_PER_S)
     return {n: merge(np.concatenate([np.zeros(0, np.int64), *ticks]), merged) for n, ticks in wanted.items()}
 

@@ -69,13 +69,37 @@ class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, 
     size_m: float | None = None
 
 
+class StatedClock(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """A robot's clock beside the first robot's: how much later its stamps are in the middle of its recording, by how
+    much more that grows in a second (1e-6: a microsecond), and the standard deviations of both: 0, as stated; left out,
+    they are estimated where the recordings tell them well."""
+
+    offset_s: float = 0.0
+    drift: float = 0.0
+    offset_sigma_s: float | None = None
+    drift_sigma: float | None = None
+
+
+class Unsure(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """How well what is stated of a camera is known, standard deviations: what is above 0 is estimated, as far as the
+    recording tells; `delay_s` left out, too, where it tells that well. Of where a camera is (`xyz_m`) and how it is
+    turned (`rotation_rad`) about each axis of the body; of its focal lengths a share."""
+
+    delay_s: float | None = None
+    line_s: float = 0.0
+    xyz_m: float = 0.0
+    rotation_rad: float = 0.0
+    focal: float = 0.0
+
+
 class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
     robot's recording is a video or a folder of images, `images` is a pattern of their names (of a video anything), and
     `rate_hz` says how many there are a second where these are no stamps, or `stamps` names a list of them
     (`io.bags.image_stamps`). `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s` is how
     long before its stamp the middle line of an image was taken; `line_s` is how much later than the line above each
-    line is read, 0 where all are exposed at once (below zero: from below)."""
+    line is read, 0 where all are exposed at once (below zero: from below); `focal_scale` is how much longer its focal
+    lengths are than its calibration says. `sigma` says how well these are known."""
 
     name: str
     tags: str = ""
@@ -88,6 +112,8 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     edge_px: float = 0.5
     delay_s: float = 0.0
     line_s: float = 0.0
+    focal_scale: float = 1.0
+    sigma: Unsure = Unsure()
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -102,6 +128,7 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     dim: int = 3
     image_every_s: float = 0.25
     motion: WayNoise = WayNoise()
+    clock: StatedClock = StatedClock()
     camera: list[CameraEntry] = []
     tag: list[CarriedTag] = []
 
@@ -116,10 +143,13 @@ class LandmarkEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
 class Tags(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """What holds for all tags. One seen in fewer than `fewest` images of a robot is taken for a misread; of more than
     `most_mended` bits that were wrong, too. In images tags of `families` are looked for; `decimate` as in
-    `frontend.tags.detect.Looking`."""
+    `frontend.tags.detect.Looking`. All edges are `size_scale` times as long as stated, which is known to `size_sigma`
+    (a printer's; 0: as stated)."""
 
     size_m: float
     sizes_m: dict[str, float] = {}
+    size_scale: float = 1.0
+    size_sigma: float = 0.0
     ignore: list[int] = []
     fewest: int = 3
     most_mended: int = 2
@@ -165,13 +195,13 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         for name, is_robot, tag in self._entries():
             if tag.number in out:
                 raise InputError(f"tag {tag.number} is on {out[tag.number].carrier} and on {name}", field="tag")
-            size = tag.size_m or self.size_of(tag.number)
+            size = self.size_of(tag.number) if tag.size_m is None else tag.size_m * self.tags.size_scale
             out[tag.number] = Tag(tag.number, size, name, is_robot, tag.pose)
         return out
 
     def size_of(self, number: int) -> float:
         """The edge of a tag [m]."""
-        return self.tags.sizes_m.get(str(number), self.tags.size_m)
+        return self.tags.sizes_m.get(str(number), self.tags.size_m) * self.tags.size_scale
 
     def _entries(self) -> Iterator[tuple[str, bool, CarriedTag]]:
         for robot in self.robot:
@@ -213,6 +243,8 @@ def _check(team: TeamFile) -> None:
     sizes = [team.tags.size_m, *team.tags.sizes_m.values(), *(tag.size_m for tag in team.carried().values())]
     if not all(0.0 < size < np.inf for size in sizes):
         raise InputError("the edge of a tag is above 0 [m]", field="tags.size_m")
+    if not 0.0 <= team.tags.size_sigma < 1.0:
+        raise InputError("size_sigma is a share, from 0 to 1", field="tags.size_sigma")
     for robot in team.robot:
         if robot.dim not in (2, 3):
             raise InputError(f"a robot moves in the plane (2) or in space (3), found {robot.dim}", field="robot.dim")
@@ -220,7 +252,16 @@ def _check(team: TeamFile) -> None:
             raise InputError(f"robot {robot.name} moves on the ground and needs odometry", field="robot.odometry")
         if robot.image_every_s < 0.0:
             raise InputError("image_every_s is 0 or more", field="robot.image_every_s")
+        clock = robot.clock
+        if not (
+            np.isfinite(clock.offset_s) and abs(clock.drift) < 0.01 and _sigmas(clock.offset_sigma_s, clock.drift_sigma)
+        ):
+            raise InputError("offset_s is finite, drift within 0.01, sigmas 0 or more", field="robot.clock")
         for camera in robot.camera:
+            if not _sigmas(*msgspec.structs.astuple(camera.sigma)):
+                raise InputError("standard deviations are 0 or more", field="robot.camera.sigma")
+            if not 0.0 < camera.focal_scale < np.inf:
+                raise InputError("focal_scale is above 0", field="robot.camera.focal_scale")
             if bool(camera.tags) == bool(camera.images):
                 raise InputError(
                     f"camera {camera.name} needs either a topic of detections (tags) or one of images, and has "
@@ -236,3 +277,7 @@ def _check(team: TeamFile) -> None:
                 raise InputError("rate_hz is above 0", field="robot.camera.rate_hz")
             if not (camera.floor_px >= 0.0 and camera.edge_px >= 0.0 and camera.floor_px + camera.edge_px > 0.0):
                 raise InputError("floor_px and edge_px are 0 or more, and not both 0", field="robot.camera.floor_px")
+
+
+def _sigmas(*numbers: float | None) -> bool:
+    return all(number is None or 0.0 <= number < np.inf for number in numbers)

@@ -44,7 +44,7 @@ def way_of(robot: Seen, number: int, ticks: IntArray, book: Book) -> list[Table]
 def _ties(robot: Seen, ticks: IntArray) -> IntArray:
     """Pairs (n, 2) of keyframes of a robot without odometry: each with the next of those that share tags with it, or
     with others that do, and so on. Between such parts nothing is known, not even that the camera hardly moved."""
-    views = robot.used().views
+    views = robot.views
     frame = np.concatenate(
         [np.zeros(0, np.int64), *(np.searchsorted(ticks, keyframe_of(ticks, v.ticks)) for v in views)]
     )

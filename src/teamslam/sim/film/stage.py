@@ -22,12 +22,14 @@ CAMERA = Pose(
 FIRST_ON_CUBE = (100, 200)
 WAYS = ((1.40, 0.20, 1.8), (0.60, 0.10, -1.8))  # radius, waves [m], angle of a leg [rad]
 LEG_S, DRIVES = 15.0, 0.45  # of a leg, and which share of it is driven
+SHAKE_S = 2.0  # to and fro
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
     """A wavy circle, driven leg by leg: radius and waves [m], angle at the start, phase of the waves, the angle of a
-    leg (below zero: clockwise) and its time [s]. After each leg the robot stands and turns once about itself."""
+    leg (below zero: clockwise) and its time [s]. After each leg the robot stands and turns once about itself, to and
+    fro by `shakes` [rad] meanwhile."""
 
     radius_m: float
     waves_m: float
@@ -35,12 +37,15 @@ class Way:
     phase: float
     leg: float
     leg_s: float
+    shakes: float = 0.0
 
     def at(self, t: Array) -> Array:
         """x, y, heading (..., 3) at times (...,) [s]; driving, the heading is that of the motion."""
         legs, within = np.divmod(np.asarray(t, float) / self.leg_s, 1.0)
         a = self.start + self.leg * (legs + _gently(within / DRIVES))
-        looking = 2.0 * np.pi * (legs + _gently((within - DRIVES) / (1.0 - DRIVES)))
+        stands = np.clip((within - DRIVES) / (1.0 - DRIVES), 0.0, 1.0)
+        looking = 2.0 * np.pi * (legs + _gently(stands))
+        looking = looking + self.shakes * np.sin(np.pi * stands) ** 2 * np.sin(2.0 * np.pi * np.asarray(t) / SHAKE_S)
         r = self.radius_m + self.waves_m * np.sin(4.0 * a + self.phase)
         grows = 4.0 * self.waves_m * np.cos(4.0 * a + self.phase)
         sense = np.sign(self.leg)
@@ -79,8 +84,8 @@ class Stage:
         return [*body, *post, *faces, lid]
 
 
-def experiment(rng: np.random.Generator) -> Stage:
-    """The paper's experiment, its places drawn."""
+def experiment(rng: np.random.Generator, shakes: float = 0.0) -> Stage:
+    """The paper's experiment, its places drawn; robots shake by so much [rad] where they look about."""
     walls = {side: _on_wall(side, rng.uniform(-1.2, 1.2), rng.uniform(0.35, 0.75), 0.01) for side in range(4)}
     posters = []
     for side in range(4):
@@ -90,7 +95,7 @@ def experiment(rng: np.random.Generator) -> Stage:
             posters.append(Board(_on_wall(side, place, rng.uniform(0.7, 1.4), 0.005), size, picture))
     start = rng.uniform(-np.pi, np.pi)
     ways = tuple(
-        Way(radius, waves, start + k * rng.uniform(2.0, 4.0), rng.uniform(-np.pi, np.pi), leg, LEG_S)
+        Way(radius, waves, start + k * rng.uniform(2.0, 4.0), rng.uniform(-np.pi, np.pi), leg, LEG_S, shakes)
         for k, (radius, waves, leg) in enumerate(WAYS)
     )
     return Stage(walls, tuple(posters), ways, tuple(_cube(first) for first in FIRST_ON_CUBE))

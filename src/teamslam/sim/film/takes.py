@@ -7,10 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.clock import Clock
 from teamslam.frontend.streams import TICKS_PER_S, Track
 from teamslam.frontend.tags.camera import Camera
 from teamslam.geometry import AnyArray, Array, Pose
 from teamslam.model import is_whole
+from teamslam.sim.film.clocks import Clocks, drawn_clocks, stamped
 from teamslam.sim.film.develop import Sensor, develop
 from teamslam.sim.film.render import Renderer
 from teamslam.sim.film.shutter import Shutter
@@ -24,7 +26,8 @@ KINECT = Camera((525.0, 525.0), (319.5, 239.5), "radtan", (0.05, -0.11, 0.0008, 
 @dataclass(frozen=True)
 class Options:
     """How a film is made: how long, images and odometry a second, the camera with its shutter and sensor, how much
-    later than the middle of its exposure an image is stamped, and the noise of odometry per root of a metre, a second
+    later than the middle of its exposure an image is stamped, whether clocks are off (`clocks.drawn_clocks`), how far
+    robots shake where they look about [rad], and the noise of odometry per root of a metre, a second
     and a radian."""
 
     seconds: float = 60.0
@@ -34,6 +37,8 @@ class Options:
     shutter: Shutter = field(default_factory=Shutter)
     sensor: Sensor = field(default_factory=Sensor)
     delay_s: float = 0.0
+    off_clocks: bool = False
+    shakes: float = 0.0
     slip_m: float = 0.01
     drift_m: float = 0.001
     slip_rad: float = 0.015
@@ -49,6 +54,7 @@ class Options:
 
 PRESETS: dict[str, Options] = {
     "experiment": Options(),
+    "clocks": Options(off_clocks=True, shakes=0.35, slip_rad=0.004),
     "ideal": Options(
         shutter=Shutter(0.0, 0.0), sensor=Sensor(blur_px=0.4, vignetting=0.0, breathing=0.0, read=0.5, shot=0.0)
     ),
@@ -87,17 +93,33 @@ class Film:
         for k, t in enumerate(self.stamps_s.tolist()):
             rng = np.random.default_rng([self.seed, 1, robot, k])
             image = develop(self._renderer.image(robot, t), self.options.sensor, t, rng)
-            yield Frame(_tick(t + self.options.delay_s), image)
+            tick = _ticks(np.array([t + self.options.delay_s + self.clocks.latency(robot)]))
+            yield Frame(int(self.clock(robot).own(tick)[0]), image)
+
+    @cached_property
+    def clocks(self) -> Clocks:
+        """What all clocks are off by."""
+        return drawn_clocks(self.seed, len(self.robots)) if self.options.off_clocks else Clocks()
+
+    def clock(self, robot: int) -> Clock:
+        """A robot's clock."""
+        return self.clocks.of(robot, self._middle)
+
+    @cached_property
+    def _middle(self) -> int:
+        ticks = _ticks(self._odometry_s)
+        return int((ticks[0] + ticks[-1]) // 2)
 
     @cached_property
     def _renderer(self) -> Renderer:
         return Renderer(self.stage, self.options.camera, self.options.shutter)
 
     def truth(self, robot: int) -> Track:
-        """Where a robot was, as often as odometry comes."""
+        """Where a robot was, as often as odometry comes, by the clock of the motion capture."""
         t = self._odometry_s
         poses = Pose.from_xytheta(self.stage.ways[robot].at(t))
-        return Track(_ticks(t), _in_space(poses), "world", f"robot{robot + 1}")
+        capture = Clock(self._middle, self.clocks.capture_s)
+        return stamped(Track(_ticks(t), _in_space(poses), "world", f"robot{robot + 1}"), capture)
 
     def odometry(self, robot: int) -> Track:
         """What a robot's wheels say, from a start of its own."""
@@ -114,7 +136,7 @@ class Film:
         moves = np.stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]], -1)
         xy = np.concatenate([np.zeros((1, 2)), np.cumsum(moves, 0)])
         poses = Pose.from_xytheta(np.concatenate([xy, heading[:, None]], -1))
-        return Track(_ticks(t), _in_space(poses), "odom", "base")
+        return stamped(Track(_ticks(t), _in_space(poses), "odom", "base"), self.clock(robot))
 
     @cached_property
     def _odometry_s(self) -> Array:
@@ -125,11 +147,7 @@ def film(options: Options, seed: int = 0) -> Film:
     """A film of the paper's experiment, its places, ways and noise drawn by the seed. InputError for a seed below 0."""
     if not is_whole(seed) or seed < 0:
         raise InputError(f"a seed is a whole number from 0 on, found {seed}", field="seed")
-    return Film(options, experiment(np.random.default_rng([seed, 0])), seed)
-
-
-def _tick(t_s: float) -> int:
-    return START_TICK + round(t_s * TICKS_PER_S)
+    return Film(options, experiment(np.random.default_rng([seed, 0]), options.shakes), seed)
 
 
 def _ticks(t_s: Array) -> AnyArray:

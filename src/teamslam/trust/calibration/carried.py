@@ -54,7 +54,7 @@ def carrying(submap: Submap, tables: Sequence[Table], known: Sequence[Systematic
         cross[:, places] += jacobian.T @ weighed
         own[np.ix_(places, places)] += effect.reshape(error.size, -1).T @ weighed
         slope[places] += weighed.T @ error.ravel()
-    return _bordered(submap, cross, own, slope, mean)
+    return bordered(submap, cross, own, slope, mean)
 
 
 def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
@@ -64,7 +64,7 @@ def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
     return inside
 
 
-def _bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
+def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
     """The submap with p beside its variables, at the optimum over both."""
     dim = 2 + int((submap.values.layout.kinds % 2).max(initial=0))
     count = -(-len(values) // dim)

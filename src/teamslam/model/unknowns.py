@@ -1,0 +1,60 @@
+"""What a log rests on and nobody measured: clocks, cameras in bodies, edges of tags. Such numbers are stated, with how
+well that is known, and the rows that a reader makes depend on them; so the log brings along how it would read, were
+they others.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from teamslam.geometry import Array
+
+if TYPE_CHECKING:
+    from teamslam.model.dataset import Dataset
+    from teamslam.model.tables import Table
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number that a log rests on: of what it is (a robot, a camera of it), its `name` and `unit`, the value `stated`
+    with its standard deviation `prior`, and a `step` small enough for rows to change in proportion; `most`: how far at
+    once it may be moved before the rows are made again. `useful`: of a number that nobody called uncertain, how well
+    the rows must tell it to be moved at all, a standard deviation; 0: it is always moved, as its prior allows.
+    `clock_of`: the robot by how much whose stamps are late it is; 0: it is no clock's offset."""
+
+    of: str
+    name: str
+    unit: str
+    stated: float
+    prior: float
+    step: float
+    most: float
+    useful: float = 0.0
+    clock_of: int = 0
+
+
+class Unknowns(Protocol):
+    """The unknowns of a log, at the `values` (k,) by which its rows were made."""
+
+    @property
+    def each(self) -> tuple[Unknown, ...]:
+        """What is unknown (k)."""
+        ...
+
+    @property
+    def values(self) -> Array:
+        """What the log was made by (k,)."""
+        ...
+
+    @property
+    def tables(self) -> "tuple[Table, ...]":
+        """The tables of the log that was made: who changed them since cannot have them made again."""
+        ...
+
+    def again(self, values: Array) -> "Dataset":
+        """The log, were they `values` (k,): its poses, too, may be others."""
+        ...
+
+    def varied(self, values: Array) -> "tuple[Table, ...]":
+        """The sightings that would be others, were they `values` (k,), at the poses of the log as it is: rows that keep
+        their ids."""
+        ...

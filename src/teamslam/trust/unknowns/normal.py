@@ -1,0 +1,97 @@
+"""Least squares over a map and its unknowns together, the map eliminated: one step of Gauss-Newton, and what is known.
+
+    [ H   -C ] [d]   [ J' W e                   ]        H = J'WJ,  C = J'WD,  W = W'W of each row by its loss
+    [-C'   S ] [q] = [-D' W e - (p - p0) / s^2  ]        S = D'WD + 1 / s^2
+
+    (S - C' H^-1 C) q  =  C' H^-1 J'We - D'We - (p - p0) / s^2
+
+The covariance of p beside the map is the inverse of the matrix on the left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from teamslam.geometry import Array, BoolArray, IntArray
+from teamslam.joining import AtMap
+from teamslam.model import Unknowns
+from teamslam.solver import Factor
+from teamslam.trust.calibration.rows import held_at, linearised
+from teamslam.trust.unknowns.effects import Effects
+
+CONTRADICTS = 3.0  # sigmas
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """The `step` (k,) of the unknowns to their optimum and their `covariance` (k, k) beside the map, 0 for those that
+    are `held` (k,) as they were stated: nobody called them uncertain, and the rows do not tell them well; and the
+    standard deviations (k,) that the rows would tell them with."""
+
+    step: Array
+    covariance: Array
+    held: BoolArray
+    sigmas: Array
+
+
+def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> Normal:
+    """The normal equations of the unknowns at the maps of all components of a log, solved. SolveError where its rows do
+    not determine a map."""
+    prior, stated, useful = (np.array([getattr(u, f) for u in unknowns.each]) for f in ("prior", "stated", "useful"))
+    own = np.diag(prior**-2.0)
+    slope = (stated - unknowns.values) / prior**2
+    for at in maps:
+        cross, mine, pull, follow = _of_map(at, effects)
+        own = own + mine - cross.T @ follow[:, 1:]
+        slope = slope - pull + cross.T @ follow[:, 0]
+    own = 0.5 * (own + own.T)
+    sigmas = np.sqrt(np.diag(np.linalg.inv(own)))
+    free = _free(own, slope, stated - unknowns.values, useful)
+    held = ~np.isin(np.arange(len(own)), free)
+    covariance = np.zeros_like(own)
+    covariance[np.ix_(free, free)] = np.linalg.inv(own[np.ix_(free, free)])
+    back = np.where(held, stated - unknowns.values, 0.0)
+    step = covariance @ (slope - own @ back) + back
+    sigmas[free] = np.sqrt(np.diag(covariance))[free]
+    return Normal(step, covariance, held, sigmas)
+
+
+def _free(own: Array, slope: Array, back: Array, useful: Array) -> IntArray:
+    """Which unknowns are moved: all but those that are told worse than is useful, and by which what is stated could
+    well be true; the worst goes first. `back` (k,) leads to what is stated."""
+    free = np.arange(len(own))
+    while len(free):
+        known = np.linalg.inv(own[np.ix_(free, free)])
+        sigmas, asked = np.sqrt(np.diag(known)), useful[free]
+        stays = np.setdiff1d(np.arange(len(own)), free)
+        step = known @ (slope[free] - own[np.ix_(free, stays)] @ back[stays])
+        fits = (asked > 0.0) & (np.abs(step - back[free]) < CONTRADICTS * sigmas)
+        badly = np.where(fits, sigmas / np.where(asked > 0.0, asked, 1.0), 0.0)
+        if badly.max() <= 1.0:
+            break
+        free = np.delete(free, int(np.argmax(badly)))
+    return free
+
+
+def _of_map(at: AtMap, effects: Effects) -> tuple[Array, Array, Array, Array]:
+    """C (n, k), D'WD (k, k), D'We (k,), and H^-1 [J'We, C] (n, 1 + k) of one map."""
+    free, count = at.gap.free, len(effects.steps)
+    hessian, gradient = sp.csr_array((free.dof, free.dof)), np.zeros(free.dof)
+    cross, own, pull = np.zeros((free.dof, count)), np.zeros((count, count)), np.zeros(count)
+    both = linearised(at.tables, at.values, held_at(at), at.joined.names)
+    for table, (error, jacobian) in zip(at.tables, both, strict=True):
+        effect = effects.at(at, table)
+        whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
+        weight = np.sqrt(table.loss.weight(np.sum(table.whitened(at.values) ** 2, -1)))
+        white = weight[:, None, None] * whitening
+        e, D = (white @ error[..., None]).ravel(), (white @ effect).reshape(error.size, count)
+        J = sp.csr_array(sp.block_diag(list(white), format="csr") @ jacobian)
+        hessian = hessian + J.T @ J
+        gradient += J.T @ e
+        cross += J.T @ D
+        own += D.T @ D
+        pull += D.T @ e
+    factor = Factor.of(free, sp.csr_array(hessian), at.joined.names, at.joined.values)
+    return cross, own, pull, np.asarray(factor.solve(np.column_stack([gradient, cross])))

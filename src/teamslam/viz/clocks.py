@@ -1,0 +1,54 @@
+"""What was found of clocks and cameras, and what stretches of the recordings say of them by themselves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from teamslam.errors import InputError
+from teamslam.geometry import Array
+from teamslam.viz.style import METHOD_COLOURS, QUIET, plain, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """A number that was estimated: its `name` with the unit in which all is told, `value`, `sigma` and what was
+    `stated`; what stretches at `stamps_s` (n,) say of it, `values` and `sigmas` (n,), the map held."""
+
+    name: str
+    value: float
+    sigma: float
+    stated: float
+    stamps_s: Array
+    values: Array
+    sigmas: Array
+
+
+@styled
+def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
+    """A panel for each number: its value with one sigma (band), what was stated (dashed), what each stretch of the
+    recordings says (dots with one sigma). InputError where there is none."""
+    from matplotlib.figure import Figure
+
+    if not numbers:
+        raise InputError("no clocks or cameras to draw: nothing was estimated")
+    figure = Figure(figsize=(7.2, 0.7 + 1.6 * len(numbers)), layout="constrained")
+    grid = figure.subplots(len(numbers), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, one in zip(grid, numbers, strict=True):
+        colour = METHOD_COLOURS["full"]
+        axes.axhspan(one.value - one.sigma, one.value + one.sigma, color=colour, alpha=0.2, lw=0)
+        axes.axhline(one.value, color=colour)
+        axes.axhline(one.stated, color=QUIET, ls="--")
+        axes.errorbar(one.stamps_s, one.values, yerr=one.sigmas, fmt="o", ms=3.5, color=METHOD_COLOURS["join"])
+        near = np.concatenate([[one.value, one.sigma + one.value, one.value - one.sigma], one.values])
+        room = 0.1 * max(float(np.ptp(near)), 1e-9)
+        axes.set_ylim(near.min() - room, near.max() + room)
+        axes.set_title(plain(f"{one.name}: {one.value:.4g} +- {one.sigma:.2g}; stated {one.stated:.4g}", 200),
+                       fontsize=8.5, fontweight="normal", loc="left")  # fmt: skip
+    grid[-1].set_xlabel("time since the start [s]")
+    figure.suptitle(plain(title or "Clocks and cameras"), x=0.01, ha="left")
+    return figure

@@ -1,0 +1,112 @@
+"""The virtual lab's robots and room without images: corners where the lens would have them, with the noise that is
+stated, and clocks, latencies and cameras that are off by what a test plants.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from teamslam.cli.film import team_of
+from teamslam.frontend.streams import TICKS_PER_S, TagCorners
+from teamslam.frontend.tags.noise import corner_sigmas
+from teamslam.geometry import Pose
+from teamslam.io.bags.first_guess import first_guess
+from teamslam.io.bags.seen import Book, Seen, View
+from teamslam.io.bags.team import Recordings
+from teamslam.io.bags.unknowns import stated_in
+from teamslam.sim.film import PRESETS, film
+from teamslam.sim.film.stage import CAMERA, FACE_TAG_M, TAG_M
+from teamslam.sim.film.takes import START_TICK
+
+HALF = 0.5 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+
+
+@dataclass
+class Planted:
+    """What the team file states otherwise; clocks are those of the film."""
+
+    camera: Pose = field(default_factory=lambda: CAMERA)  # where it truly is; the team file says CAMERA
+    focal: float = 1.0  # longer than the calibration says
+    size: float = 1.0  # larger than the team file says
+    line_s: float = 0.0
+
+
+def filmed(seed=0, seconds=60.0, images_hz=5.0, planted=None, noise=1.0, preset="clocks"):
+    """What the two robots of a film recorded, as `Recordings` without a file, and the film."""
+    planted = planted or Planted()
+    made = film(replace(PRESETS[preset], seconds=seconds, images_hz=images_hz), seed)
+    file = team_of(made, "")
+    rng = np.random.default_rng([seed, 77])
+    seen = []
+    for k in made.robots:
+        entry = file.robot[k]
+        corners = _corners(made, k, planted, rng, noise)
+        entry = replaced(entry, camera=[replaced(entry.camera[0], line_s=planted.line_s)])
+        view = View(entry.camera[0], made.options.camera, corners)
+        seen.append(Seen(entry, made.odometry(k), made.truth(k), (view,), ()))
+    return seen, replaced(file, robot=[robot.entry for robot in seen]), made
+
+
+def read(seen, file, path="memory"):
+    """The log of what was recorded, as reading a team file gives it."""
+    told = tuple(robot.with_tags(file, Book()) for robot in seen)
+    recordings = Recordings(file, path, told, stated_in(file, told), (), ())
+    return recordings.log(first_guess(told, recordings.stated))
+
+
+def replaced(record, **fields):
+    """A record of a team file with other fields."""
+    return type(record)(**{name: getattr(record, name) for name in record.__struct_fields__} | fields)
+
+
+def _corners(made, robot, planted, rng, noise):
+    other = 1 - robot
+    lens = made.options.camera.longer(planted.focal)
+    frames, frame, ids, corners = [], [], [], []
+    for t in made.stamps_s.tolist():
+        late = made.clocks.latency(robot)
+        frames.append(int(made.clock(robot).own(START_TICK + np.array([round((t + late) * TICKS_PER_S)]))[0]))
+        for number, size, place in _tags(made, other):
+            pixels = _seen(made, robot, t, number, size * planted.size, place, lens, planted)
+            if pixels is None:
+                continue
+            sigma = corner_sigmas(pixels[None], 0.1, 0.3)[0]
+            frame.append(len(frames) - 1)
+            ids.append(number)
+            corners.append(pixels + noise * sigma[:, None] * rng.normal(size=(4, 2)))
+    n = len(ids)
+    return TagCorners(
+        np.array(frames), np.array(frame), np.array(ids), np.array(corners), np.zeros(n, int), ("tag36h11",) * n
+    )
+
+
+def _tags(made, other):
+    for number, pose in made.stage.walls.items():
+        yield number, TAG_M, lambda t, pose=pose: pose
+    for number, pose in made.stage.cubes[other].items():
+        yield number, FACE_TAG_M, lambda t, pose=pose: body(made, other, t) @ pose
+
+
+def body(made, robot, t):
+    """Where a robot truly is, in space."""
+    x, y, heading = made.stage.ways[robot].at(np.array(t))
+    c, s = np.cos(heading), np.sin(heading)
+    return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
+
+
+def _seen(made, robot, t, number, size, place, lens, planted):
+    def at(t, corner=slice(None)):
+        eye = (body(made, robot, t) @ planted.camera).inverse()
+        return lens.project(eye.act(place(t).act(size * HALF[corner])))
+
+    eye, tag = body(made, robot, t) @ planted.camera, place(t)
+    away = eye.translation - tag.translation
+    distance = np.linalg.norm(away)
+    if tag.rotation[:, 2] @ away < 0.3 * distance or distance > 4.0 or distance < 0.4:
+        return None
+    pixels = at(t)
+    for _ in range(3 if planted.line_s else 0):
+        lines = pixels[:, 1] - 0.5 * (lens.size[1] - 1)
+        pixels = np.stack([at(t + line * planted.line_s, [k])[0] for k, line in enumerate(lines.tolist())])
+    inside = np.isfinite(pixels).all() and (pixels > 3).all() and (pixels < np.array(lens.size) - 4).all()
+    return pixels if inside and np.linalg.norm(pixels[1] - pixels[0]) > 12 else None
