@@ -66,12 +66,29 @@ def room_below(figure: "Figure", letters: int) -> None:
 
 def legend_beside(figure: "Figure", *handles_and_labels: Any, title: str | None = None) -> None:
     """A legend to the right of the axes, which make room for it."""
+    legend = figure.legend(*handles_and_labels, title=title, loc="center right", bbox_to_anchor=(1.0, 0.5))
+    measured = legend.get_window_extent(pen_of(figure))
+    figure.subplots_adjust(right=1.0 - measured.width / figure.bbox.width - 0.02)
+
+
+def between(figure: "Figure", title: str, caption: str, *handles_and_labels: Any) -> tuple[float, float]:
+    """The title and a caption above, a legend below, and the heights between which they leave room (0: the lower edge,
+    1: the upper one)."""
+    height = figure.get_figheight()
+    said = plain(caption, 240)
+    figure.suptitle(plain(title), x=0.01, y=1.0 - 0.06 / height, ha="left")
+    above = 0.06 + TITLE_LINE + 0.5 * ROOM
+    figure.text(0.5, 1.0 - above / height, said, fontsize=8.5, color=INK, ha="center", va="top")
+    legend = figure.legend(*handles_and_labels, loc="lower center", ncols=4)
+    low: float = legend.get_window_extent(pen_of(figure)).y1 / figure.bbox.height
+    return low, 1.0 - (above + CAPTION_LINE * len(said.split("\n"))) / height
+
+
+def pen_of(figure: "Figure") -> Any:
+    """What measures letters."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    legend = figure.legend(*handles_and_labels, title=title, loc="center right", bbox_to_anchor=(1.0, 0.5))
-    canvas = FigureCanvasAgg(figure)
-    measured = legend.get_window_extent(canvas.get_renderer())  # type: ignore[no-untyped-call]
-    figure.subplots_adjust(right=1.0 - measured.width / figure.bbox.width - 0.02)
+    return FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
 
 
 def log_scale(axes: "Axes") -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.model import WORLD
-from teamslam.viz.frame import legend_beside, panel
+from teamslam.viz.frame import between, legend_beside, panel
 from teamslam.viz.marks import MOST_SIGHTINGS, draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
 from teamslam.viz.sides import Side, turned
@@ -54,15 +54,13 @@ def _from_above(scene: Scene, title: str, caption: str) -> "Figure":
 def _in_space(scene: Scene, title: str, caption: str, side: Side | None) -> "Figure":
     from matplotlib.figure import Figure
 
-    from teamslam.viz.space import space_axes
+    from teamslam.viz.space import filled, space_axes
 
-    figure = Figure(figsize=(7.4, 5.8), layout="constrained")
+    figure = Figure(figsize=(7.4, 5.8))
     axes: Any = figure.add_subplot(projection="3d")
     space_axes(axes, scene)
     turned(axes, side)
-    figure.suptitle(plain(title), x=0.01, ha="left")
-    axes.set_title(plain(caption, 240), loc="left", fontsize=8.5, fontweight="normal", color=INK)
-    figure.legend(*legend_entries(axes), loc="outside lower center", ncols=4)
+    filled(axes, *between(figure, title, caption, *legend_entries(axes)))
     return figure
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.geometry import Array
+from teamslam.viz.frame import pen_of
 from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
 from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, name, robot_colour
@@ -12,6 +13,7 @@ from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, name, robot_colour
 MOST_BALLS = 200  # drawn with meridians and parallels: of more, these would be one grey
 FLAT, LOW = 0.01, 0.08  # of the longest side: no box is flatter, and on one that is lower there is room for no tick
 TICKS = 8  # on the longest side
+MARGIN, FITTED = 6.0, 4  # dots about a box with its words; times that its size is fitted to them
 
 
 def space_axes(axes: Any, scene: Scene) -> None:
@@ -56,12 +58,56 @@ def _great_circles() -> list[Array]:
     return [np.roll(circle, axis, -1) for axis in range(3)]
 
 
+def filled(axes: Any, low: float, high: float) -> None:
+    """The box of 3D axes, with all its words, as large as fits between two heights of its figure, in the middle."""
+    width, height = size = axes.figure.bbox.size
+    middle, room = 0.5 * size * [1.0, low + high], size * [1.0, high - low] - 2 * MARGIN
+    side = (high - low) * height  # of the square by which the distances of words from the box are measured
+    for part in axes.get_children():
+        part.set_clip_on(False)  # the box may reach beyond it
+
+    def centred(at: Array) -> None:
+        axes.set_position([*((at - 0.5 * side) / size), side / width, side / height])
+
+    shares, zoom = box_shares(axes), 0.5
+    centred(middle)
+    for _ in range(FITTED):  # words are as large as they are, whatever the zoom
+        axes.set_box_aspect(shares, zoom=zoom)
+        zoom *= float(np.min(room / np.ptp(_drawn(axes), axis=0)))
+    axes.set_box_aspect(shares, zoom=zoom)
+    stand = _drawn(axes)
+    centred(2.0 * middle - 0.5 * (stand.min(0) + stand.max(0)))
+
+
+def _drawn(axes: Any) -> Array:
+    """Where the corners of a box and of all words at it are drawn, (n, 2) [dots]."""
+    from itertools import product
+
+    pen = pen_of(axes.figure)
+    axes.apply_aspect()
+    axes.M = axes.get_proj()
+    axes.invM = np.linalg.inv(axes.M)
+    corners = np.array(list(product(axes.get_xlim(), axes.get_ylim(), axes.get_zlim())))
+    seen = np.insert(corners, 3, 1.0, axis=1) @ axes.M.T
+    stand = [axes.transData.transform(seen[:, :2] / seen[:, 3:])]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        shown = [tick.label1 for tick in axis._update_ticks()] + [axis.label]
+        axis.draw(pen)  # puts its words where they belong
+        stand += [text.get_window_extent(pen).get_points() for text in shown if text.get_visible() and text.get_text()]
+    return np.concatenate(stand)
+
+
+def box_shares(axes: Any) -> Array:
+    """How long the three sides of a box are, the longest 1, none shorter than FLAT."""
+    ranges = np.array([np.ptp(limits) for limits in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())])
+    return np.asarray(np.maximum(ranges / ranges.max(), FLAT))
+
+
 def equal_scale(axes: Any, zoom: float = 1.15) -> None:
     """One scale on all three axes, filling the figure; as many ticks on each as there is room for."""
     from matplotlib.ticker import MaxNLocator
 
-    ranges = np.array([np.ptp(limits) for limits in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())])
-    shares = np.maximum(ranges / ranges.max(), FLAT)
+    shares = box_shares(axes)
     axes.set_box_aspect(shares, zoom=zoom)
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares.tolist(), strict=True):
         axis.labelpad = 5.0
