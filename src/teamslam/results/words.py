@@ -70,6 +70,8 @@ def _suspicions(found: Report | None) -> Rows:
     if found is None or not found["sentences"]:
         return []
     done = "put right, or left out" if found["mended"] else "left as it is; --repair puts it right"
+    if not any(found[kind] for kind in ("mended", "labels", "mistaken", "robots", "themselves")):
+        done = "left as it is, and --repair leaves it too"  # nobody can say who is wrong
     return [*(("suspicious", sentence) for sentence in found["sentences"]), ("", done)]
 
 

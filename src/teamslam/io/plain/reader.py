@@ -27,6 +27,7 @@ from teamslam.io.plain.columns import (
     ticks_of,
     value_columns,
 )
+from teamslam.io.plain.headings import notes_of_headings
 from teamslam.io.plain.known import read_known
 from teamslam.io.plain.roster import NAMED, Roster
 from teamslam.io.plain.schema import FILE, STREAMS, Log, Team, read_team
@@ -98,6 +99,8 @@ def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], l
                     f'{log.model} needs keyframes = "interpolate"', path=folder / FILE, field=f"log[{place}].model"
                 )
             streams += _read_streams(csv, log, team, roster)
+            if log.model == "odometry_poses" and csv.has("theta"):
+                notes += notes_of_headings(csv, _robots(csv, log, roster))
         else:
             tables += read_tables(csv, log, team, roster, taken, place)
             notes += notes_of_angles(csv, log.model, tables[-1].dim) if len(csv) else []
