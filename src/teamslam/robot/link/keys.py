@@ -78,7 +78,8 @@ def revoke(folder: Path, team: str, robots: Iterable[int]) -> None:
     """Sign, as the authority in the folder, that all submaps of some robots are out of a team's maps, for ever
     (`robot-3.revoked`): one robot that is given the file tells the others.
 
-    Raises InputError where the folder has no authority with its key.
+    Raises InputError where the folder has no authority with its key, or no certificate of one of these robots: then
+    nobody is revoked.
     """
     refuse_without_cryptography()
     from cryptography.hazmat.primitives import hashes
@@ -87,11 +88,25 @@ def revoke(folder: Path, team: str, robots: Iterable[int]) -> None:
     for path in (folder / f"{AUTHORITY}.crt", folder / f"{AUTHORITY}.key"):
         if not path.exists():
             raise InputError("only the authority of a team can revoke, and there is no such file", path=path)
+    robots, known = list(robots), robots_in(folder)
+    if strangers := sorted(set(robots) - set(known)):
+        raise InputError(
+            f"robot {strangers[0]} has no certificate here, so there is nothing to revoke; there are robots "
+            f"{', '.join(map(str, known)) or 'none'}",
+            path=folder,
+            field="revoke",
+        )
     _, key = _authority(folder)
     for robot in robots:
         data = to_bytes(Removal(robot, "", EVER))
         body = Body(data, HOME, key.sign(spoken(team, data), ec.ECDSA(hashes.SHA256())))
         _write(folder / f"{common_name(robot)}.revoked", to_bytes(body))
+
+
+def robots_in(folder: Path) -> list[int]:
+    """The numbers of the robots that have a certificate in a folder, of either kind, rising."""
+    names = (path.name.split(".")[0].removeprefix("robot-") for path in folder.glob("robot-*.crt"))
+    return sorted({int(name) for name in names if name.isdigit()})
 
 
 def read_revocations(folder: Path) -> list[Body]:
