@@ -53,12 +53,14 @@ def main() -> None:
     options.netem = netem if options.by is None else options.by == "netem"
     rows = []
     print(
-        "| weather | torn apart | same after s | IP bytes | maps equal | the offline join |\n|---|---|---|---|---|---|"
+        "| weather | torn apart | same after s | ledger bytes | packets | IP bytes | maps equal | the offline join |\n"
+        "|---|---|---|---|---|---|---|---|"
     )
     for name in options.weathers:
         rows.append(row := campaign(name, options))
         print(
-            "| {weather} | {cuts} | {same_after_s} | {ip_bytes:,} | {maps_equal} | {equal_to_offline} |".format(**row)
+            "| {weather} | {cuts} | {same_after_s} | {ledger_bytes:,} | {packets:,} | {ip_bytes:,} | {maps_equal} "
+            "| {equal_to_offline} |".format(**row)
         )
     if options.json:
         about = {"weather_by": "netem" if options.netem else "ether", "robots": options.robots, "poses": options.poses}
@@ -100,10 +102,23 @@ def campaign(name: str, options: argparse.Namespace) -> dict[str, Any]:
             "same_after_s": round(after, 1) if same else None,
             "exit_codes": codes,
             "said": [crew.said(robot) for robot in robots] if any(codes) else [],
+            **ledger([crew.status(robot) for robot in robots]),
             "ip_bytes": sum(ether.carried.values()),
             "maps_equal": len(left) == 1 and None not in left,
             "equal_to_offline": left == {crew.offline_bits()},
         }
+
+
+def ledger(statuses: list[dict[str, Any]]) -> dict[str, int]:
+    """What robots say they sent, by the end of their last process: bytes and packets; what went to all, once for each
+    other."""
+    lines = [(name, line) for status in statuses for name, line in status["links"].items()]
+    times = [len(statuses) - 1 if name == "all" else 1 for name, _ in lines]
+    sums = {
+        what: sum(n * sum(line[part] for part in parts) for n, (_, line) in zip(times, lines, strict=True))
+        for what, parts in (("ledger_bytes", ("body_bytes", "word_bytes")), ("packets", ("bodies", "words")))
+    }
+    return sums
 
 
 def may_leave(crew: Crew, robot: int) -> bool:
