@@ -30,6 +30,7 @@ class Reduced:
     """What a robot sends: information and slope over its separators, its cost, its interiors' decrement^2.
 
     `numbers`: how many that are. The places of the separators are not among them; the coordinator put them there.
+    `rounding`: how large the rounding of its residuals is [sigmas].
     """
 
     information: sp.csr_array
@@ -37,6 +38,7 @@ class Reduced:
     cost: float
     interior: float
     numbers: int
+    rounding: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +102,18 @@ class Part:
         """Linearise at the present point and eliminate the interiors; `curvature` as in System.linearise."""
         at = self.system.linearise(self.values, curvature=curvature)
         self._gradient = at.gradient
-        n = self.kept.dof
+        rounding, n = self.system.rounding(self.values), self.kept.dof
         if self.sends_whole:
             whole = at.hessian.to_csr()
-            return Reduced(whole, at.gradient, at.cost, 0.0, self.sending.numbers)
+            return Reduced(whole, at.gradient, at.cost, 0.0, self.sending.numbers, rounding)
         complement, slope = self._factor.eliminate(at.hessian.numbers, at.gradient)
         at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
         interior = float(at.gradient @ at_rest)
-        return Reduced(_dense(complement), slope, at.cost, interior, self.sending.numbers)
+        return Reduced(_dense(complement), slope, at.cost, interior, self.sending.numbers, rounding)
+
+    def moved(self, values: Values, share: float) -> Values:
+        """The robot's estimate with its separators where a map has them, by this share of a step."""
+        return self.follow(values.seen_from(values.pose(self.submap.base), self.kept), share)
 
     def follow(self, separators: Values, share: float) -> Values:
         """The robot's estimate after its separators moved there, by this share of a step; all of a step takes the
