@@ -3,12 +3,14 @@
     rows of all robots in time order ─ step ─ close ─ map ─┐
     packets over lines that lose, delay and repeat ────────┴─ peers ─ one set, one map
 
-Time is that of the log; it goes on after the last row until all hold the same, or for `settle_s`.
+Time is that of the log; it goes on after the last row until all hold the same and exact rounds have ended, or for
+`settle_s`.
 """
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from teamslam.live import Mapper, replayed
 from teamslam.model import Dataset, Submap, Table
@@ -16,6 +18,7 @@ from teamslam.robot import Estimate, Options, Robot
 from teamslam.robot.link import HEARD, Link
 from teamslam.robot.link.memory import Air, Weather, always
 from teamslam.robot.peer import Habits, Peer
+from teamslam.robot.rounds import Rounds
 from teamslam.robot.scribe import Scribe
 
 TURNS = 4  # of each peer between two announcements
@@ -31,6 +34,7 @@ class Member:
     link: Link
     mapper: Mapper = field(default_factory=Mapper)
     scribe: Scribe = field(default_factory=Scribe)
+    rounds: Rounds = field(default_factory=Rounds)
     told: list[Estimate] = field(default_factory=list)
     parked: bool = False
 
@@ -61,6 +65,10 @@ class Member:
         if self.parked:
             self._attend()
         self.peer = self.scribe.attend(self.peer)
+        ready = self.parked and not self.busy
+        said = self.rounds.attend(now_s, self.peer, self.robot, self.peer.asides, ready)
+        self.peer, more = self.peer.saying(said)
+        out += more
         between()
         for packet in out:
             self.link.send(packet.to, packet.data)
@@ -77,7 +85,13 @@ class Member:
     @property
     def busy(self) -> bool:
         """Whether something is not yet made of what it has."""
-        return self.mapper.busy(self.robot) or self.scribe.busy or bool(self.peer.unmade)
+        return self.mapper.busy(self.robot) or self.scribe.busy(self.peer)
+
+    @property
+    def account(self) -> dict[str, Any]:
+        """What exact rounds came to: their `exactness` (None: there is none), and why there is none."""
+        found = self.rounds.exactness
+        return {"exactness": None if found is None else asdict(found), "why": self.rounds.why}
 
     def others(self) -> tuple[Submap, ...]:
         """What it has heard."""
@@ -126,16 +140,25 @@ def fleet(
     for member in members.values():
         member.park()
     end_s = now_s = now_s or 0.0
-    while not (same := _settled(members)) and now_s - end_s < settle_s:
+    settled_s: float | None = 0.0 if _settled(members) else None
+    while (settled_s is None or _in_rounds(members)) and now_s - end_s < settle_s:
         now_s += turn_s
         _turn(air, members, now_s)
-    return Fleet(members, dict(air.carried), now_s - end_s if same else None)
+        settled_s = now_s - end_s if settled_s is None and _settled(members) else settled_s
+    return Fleet(members, dict(air.carried), settled_s)
 
 
 def _settled(members: Mapping[int, Member]) -> bool:
     """Whether all hold the same, and nobody has anything more to say."""
     same = len({member.peer.root for member in members.values()}) <= 1
     return same and not any(member.busy for member in members.values())
+
+
+def _in_rounds(members: Mapping[int, Member]) -> bool:
+    """Whether exact rounds go on, or may begin yet."""
+    return len(members) > 1 and any(
+        member.rounds.busy or member.rounds.root != member.peer.root for member in members.values()
+    )
 
 
 def _rows(log: Dataset, number: int) -> Iterator[tuple[float, int, list[Table]]]:

@@ -5,6 +5,8 @@ maps_equal        whether all robots' maps are equal, to the bit;   settled_s: h
 equal_to_offline  whether they are the join of the submaps that `split` and `build` make of the same log, to the bit
 in_short          how many submaps went rounded or condensed, because links are tight: then the map is not the
                   offline one to the bit
+rounds            exact rounds between robots on the first part of the team map: the `exactness` that they came to, or
+                  `why` there is none
 components        parts of the team map;   missing, refused: what robots know of and lack, or were refused
 robot_position_rmse_m, landmark_rmse_m      of the first part of the team map, against the truth
 online_position_rmse_m                      of the poses told at the time, aligned robot by robot
@@ -51,6 +53,7 @@ def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, A
         "equal_to_offline": set(bits.values()) == {offline},
         "in_short": max(member.peer.in_short for member in members.values()),
         "settled_s": found.settled_s,
+        "rounds": next(iter(members.values())).account,
         "components": len(first.components) if first is not None else 0,
         **_scores(whole, log.truth),
         "online_position_rmse_m": _online([told_of(e) for m in members.values() for e in m.told], log.truth),
@@ -202,6 +205,7 @@ def report_of_folders(
         "maps_equal": len(set(bits.values())) == 1,
         "equal_to_offline": set(bits.values()) == {offline},
         "in_short": max(status.get("in_short", 0) for status in statuses.values()),
+        "rounds": next(iter(statuses.values())).get("rounds"),
         "components": len(first),
         **_scores(first[0] if first else None, log.truth),
         "online_position_rmse_m": _online([t for name in statuses for t in _told_in(out / name, log)], log.truth),

@@ -62,7 +62,8 @@ class Content:
 class Line:
     """What a robot knows of its line to another: when it last asked for the list; what the last list was of
     (`listed`, a root), and what of it was lacked then; the bodies that the other waits for, when the next
-    may go, how many of its packets were `refused`, and when it was last `heard_s`."""
+    may go, how many of its packets were `refused`, when it was last `heard_s`,
+    and what names all that it held then (`root`)."""
 
     asked_s: float = -1e300
     listed: bytes | None = None
@@ -72,3 +73,4 @@ class Line:
     sent: Sent = field(default_factory=Sent)
     refused: int = 0
     heard_s: float = -1e300
+    root: bytes | None = None

@@ -4,6 +4,7 @@
     ask     tell me what you hold: to who holds something else; with a digest of each shelf of what is held here
     list    an entry for each thing held, on the shelves that differ
     want    send me the bodies with these digests
+    exact   a question of exact rounds;   found: its answer
     body    a submap's message, an announcement or a removal, as it was heard, with the signature of its robot
 
 A submap's message is one of `teamslam.wire`, byte for byte what its robot made. An announcement says which landmarks
@@ -101,7 +102,25 @@ class Announcement(msgspec.Struct, frozen=True, tag="knows", array_like=True, fo
         return msgspec.structs.replace(self, check=digest_of(told)[:SHORT])
 
 
-Packet = Have | Ask | List | Want | Body
+class Question(msgspec.Struct, frozen=True, tag="exact", array_like=True, forbid_unknown_fields=True):
+    """A question of exact rounds on the set that `root` names: of which attempt, and which one."""
+
+    root: Digest
+    attempt: Count
+    n: Count
+    data: bytes
+
+
+class Answer(msgspec.Struct, frozen=True, tag="found", array_like=True, forbid_unknown_fields=True):
+    """The answer to a question of exact rounds."""
+
+    root: Digest
+    attempt: Count
+    n: Count
+    data: bytes
+
+
+Packet = Have | Ask | List | Want | Body | Question | Answer
 
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(Packet)

@@ -27,12 +27,14 @@ from teamslam.robot.line import Content, Line
 from teamslam.robot.opened import announcements, opened
 from teamslam.robot.packets import (
     EVER,
+    Answer,
     Ask,
     Body,
     Entry,
     Have,
     List,
     Packet,
+    Question,
     Removal,
     Want,
     digest_of,
@@ -85,8 +87,8 @@ class Peer:
 
     `held`: the team's submaps, `known`: what each robot knows by name, as far as was heard, last at `heard_s`; `own`:
     its own submaps, whole; `bodies` by digest; `lines` to others by their number; `wanted`: when each body was last
-    asked for, and how often; `announced_s`: when it last told what it holds; `refused`: packets that made no sense, by
-    reason.
+    asked for, and how often; `announced_s`: when it last told what it holds; `asides`: what the last step heard
+    that is not of the exchange; `refused`: packets that made no sense, by reason.
     """
 
     number: int
@@ -100,6 +102,7 @@ class Peer:
     wanted: Mapping[bytes, tuple[float, int]] = field(default_factory=lambda: MappingProxyType({}))
     announced_s: float = -1e300
     heard_s: float = -1e300
+    asides: tuple[tuple[int, Question | Answer], ...] = ()
     refused: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
 
     # --- what it holds --------------------------------------------------------------------------------------------
@@ -253,7 +256,7 @@ class Peer:
 
     def step(self, now_s: float, inbox: Sequence[tuple[int, bytes]]) -> tuple["Peer", list[Outgoing]]:
         """The peer after some packets (from whom, bytes) at a time, and what it says."""
-        peer, out = self, list[tuple[int, Packet]]()
+        peer, out = replace(self, asides=()), list[tuple[int, Packet]]()
         for sender, data in inbox:
             try:
                 if peer.revoked(sender):
@@ -272,10 +275,17 @@ class Peer:
             out += said
         return peer._spending(out)
 
+    def saying(self, said: Sequence[tuple[int, Packet]]) -> tuple["Peer", list[Outgoing]]:
+        """What is said beside the exchange, to whom, and the peer with it written down."""
+        return self._spending(said)
+
     def _heard(self, now_s: float, sender: int, packet: Packet) -> tuple["Peer", list[tuple[int, Packet]]]:
         line = self.lines.get(sender, Line())
         match packet:
+            case Question() | Answer():
+                return replace(self, asides=(*self.asides, (sender, packet)))._on(sender, line), []
             case Have(root):
+                line = replace(line, root=root)
                 if root in (self.root, line.listed) or now_s - line.asked_s < self.habits.patience_s:
                     return self._on(sender, line), []
                 return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask(self.shelves))]

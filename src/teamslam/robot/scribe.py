@@ -17,11 +17,14 @@ class Scribe:
         self._executor = executor
         self._round: Future[list[bytes]] | None = None
         self._seen: tuple[object, ...] = ()
+        self._asked: tuple[object, ...] = ()
+        self._unmade = False
 
-    @property
-    def busy(self) -> bool:
-        """Whether something is being made."""
-        return self._round is not None
+    def busy(self, peer: Peer) -> bool:
+        """Whether something is being made, or yet to be."""
+        if not _same(self._asked, asked := (peer.own, peer.known, peer.held)):
+            self._asked, self._unmade = asked, bool(peer.unmade)
+        return self._round is not None or self._unmade
 
     def attend(self, peer: Peer) -> Peer:
         """The peer with what was made since, and what it wants now ordered."""

@@ -109,7 +109,7 @@ class Part:
         complement, slope = self._factor.eliminate(at.hessian.numbers, at.gradient)
         at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
         interior = float(at.gradient @ at_rest)
-        return Reduced(_dense(complement), slope, at.cost, interior, self.sending.numbers, rounding)
+        return Reduced(dense(complement), slope, at.cost, interior, self.sending.numbers, rounding)
 
     def moved(self, values: Values, share: float) -> Values:
         """The robot's estimate with its separators where a map has them, by this share of a step."""
@@ -145,7 +145,7 @@ def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
     return np.union1d(keys[times > 1], np.concatenate([t.keys.ravel() for t in raw] or [np.zeros(0, np.int64)]))
 
 
-def _dense(complement: Array) -> sp.csr_array:
+def dense(complement: Array) -> sp.csr_array:
     """A dense block as a sparse matrix that keeps its zeros: its structure must not change between rounds."""
     n = len(complement)
     symmetric = 0.5 * (complement + complement.T)
