@@ -47,7 +47,8 @@ Its fields:
                                    the map does not fit, or they were to be left out, also what follows:
                                    by sensor how many, the probability that one is `wrong`, and by how much the `noise`
                                    of the others is larger than stated, in variance; `open`, landmarks that a robot's
-                                   sightings put in two places, and nobody decides; each of the `rows`, with its
+                                   sightings put in two places, and nobody decides (`larger` 1: one sighting is left,
+                                   which the others contradict); each of the `rows`, with its
                                    `weight` (0 where left out), its `squared` residual in sigmas and the `gate` on it;
                                    the same in `sentences`; null where none looks wrong
     suspicions                     `labels`, names of landmarks that lie, each with its `kind` (exchanged, mistaken,

@@ -10,7 +10,7 @@ from teamslam.config import Config, TrustOptions, config_from, to_table
 from teamslam.errors import InputError
 from teamslam.geometry import BoolArray
 from teamslam.joining import build, join, split
-from teamslam.model import Dataset
+from teamslam.model import Dataset, index_of
 from teamslam.pipeline import run
 from teamslam.results import write_run
 from teamslam.results.report import report_of
@@ -19,6 +19,7 @@ from teamslam.sim.faults import aliased
 from teamslam.solver import System, optimise, optimise_graduated
 from teamslam.trust import wrong_sightings
 from teamslam.trust.outliers.gates import gates, noise_of, share_wrong
+from teamslam.trust.outliers.words import sentences_on_sightings
 
 SPACES = ("2d", "planar", "3d")
 
@@ -160,3 +161,20 @@ def test_no_landmark_is_lost_that_some_robot_saw_rightly_three_times(space: str)
             marks, times = np.unique(table.keys[(table.values == before.values).all(1), 1], return_counts=True)
             assert {int(mark) for mark in marks[times >= 3]} <= kept
     assert found.undecided == 0
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+def test_a_landmark_that_rests_on_one_of_several_sightings_is_named(seed: int) -> None:
+    """All of these and no other ones; of a log without a wrong sighting none."""
+    kind = Robot(landmarks=Sensor(outliers=0.3))
+    log = simulate("2d", seed=seed, poses=30, landmarks=40, team=(kind,))
+    found = wrong_sightings(log)
+    seen = [(int(key), bool(right)) for table, mask in zip(log.tables, found.inliers, strict=True)
+            if table.source == "landmarks" for key, right in zip(table.keys[:, 1], mask, strict=True)]  # fmt: skip
+    votes = {mark: [right for key, right in seen if key == mark] for mark, _ in seen}
+    contradicted = {mark: len(rights) - 1 for mark, rights in votes.items() if sum(rights) == 1 < len(rights)}
+    assert contradicted
+    assert {place.mark: place.smaller for place in found.open if place.larger == 1} == contradicted
+    said = " ".join(sentences_on_sightings(found))
+    assert all(f"landmark {found.names.landmark(int(index_of(mark)))} rests on one" in said for mark in contradicted)
+    assert not wrong_sightings(simulate("2d", seed=seed, poses=30, landmarks=40)).open

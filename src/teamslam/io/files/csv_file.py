@@ -72,9 +72,10 @@ class Csv:
 
     def _column(self, name: str) -> Array | Words | Sequence[str]:
         if name not in self.columns:
-            raise InputError(
-                f"no such column; found {', '.join(self.columns) or 'none'}", path=self.path, line=1, field=name
+            cure = (
+                f"; found {', '.join(self.columns)}: rename one of these, or add it" if self.columns else "; found none"
             )
+            raise InputError(f"no such column{cure}", path=self.path, line=1, field=name)
         return self.columns[name]
 
     def _numbers(self, column: Array | Words | Sequence[str], name: str) -> Array:

@@ -51,7 +51,8 @@ class Sensor:
 @dataclass(frozen=True)
 class Open:
     """A landmark that may be in two places for a robot, by so many sightings of each; nobody else could decide, and the
-    place with more of them was taken."""
+    place with more of them was taken. Where `larger` is 1, one sighting of it is believed, and all others, each of
+    another place, are not."""
 
     robot: int
     mark: int
@@ -105,6 +106,9 @@ def wrong_sightings(log: Dataset, *, probability: float | None = None) -> Decisi
         if all(np.array_equal(a, b) for a, b in zip(before, masks, strict=True)):
             break
     unknown = sum(int(np.isnan(s).sum()) for s, t in zip(ends, log.tables, strict=True) if t.source != "odometry")
+    alone_believed = _believed_alone(log, masks)
+    told = {place.mark for place in alone_believed}
+    open_ = (*(place for place in open_ if place.mark not in told), *alone_believed)
     return Decisions(masks, ends, gates_, sensors, open_, unknown, log.names)
 
 
@@ -246,6 +250,19 @@ def _with_lost_ones(log: Dataset, masks: Sequence[BoolArray], alone: Sequence[Bo
         for n, table in enumerate(log.tables):
             if table.robot == most:
                 found[n] |= alone[n] & (target[n] == mark)
+    return tuple(found)
+
+
+def _believed_alone(log: Dataset, masks: Sequence[BoolArray]) -> tuple[Open, ...]:
+    """Landmarks of which one sighting is believed and others are not: that it is left is all that speaks for it."""
+    seen = [t.keys[:, -1] for t in log.tables]
+    robots = np.concatenate([np.full(len(t), t.robot) for t in log.tables])
+    target, right = np.concatenate(seen), np.concatenate(masks)
+    found = []
+    for mark in np.unique(target[is_landmark(target) & ~right]).tolist():
+        believed = (target == mark) & right
+        if np.count_nonzero(believed) == 1:
+            found.append(Open(int(robots[believed][0]), mark, 1, int(np.sum((target == mark) & ~right))))
     return tuple(found)
 
 

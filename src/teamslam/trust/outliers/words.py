@@ -19,6 +19,13 @@ def sentences_on_sightings(found: Decisions) -> Iterator[str]:
         yield f"{who} {found.names.robot(sensor.robot)}{larger if sensor.noise >= LARGER else ''}"
     for place in found.open:
         mark, who = found.names.landmark(int(index_of(place.mark))), found.names.robot(place.robot)
+        if place.larger == 1:
+            others = "another has" if place.smaller == 1 else f"{place.smaller} others have"
+            yield (
+                f"landmark {mark} rests on one sighting, by robot {who}, and {others} it elsewhere: nobody can tell "
+                f"which is right"
+            )
+            continue
         yield (
             f"landmark {mark} is in one of two places for robot {who}, by {place.larger} or {place.smaller} sightings, "
             f"and nobody else decides: the first was taken"
