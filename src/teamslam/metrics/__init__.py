@@ -7,6 +7,7 @@ from teamslam.metrics.contradicted import Contradiction, told_of
 from teamslam.metrics.frames import Aligned, align_team, truth_at_base
 from teamslam.metrics.naming import as_called
 from teamslam.metrics.report import Report, errors_of, score
+from teamslam.metrics.retimed import Late, late_truth
 from teamslam.metrics.sampling import at_stamps_of
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "ChiSquare",
     "Consistency",
     "Contradiction",
+    "Late",
     "MarginalNees",
     "Marginals",
     "PairErrors",
@@ -30,6 +32,7 @@ __all__ = [
     "errors_at_base",
     "errors_of",
     "fit_of",
+    "late_truth",
     "score",
     "told_of",
     "truth_at_base",

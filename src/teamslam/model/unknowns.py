@@ -6,11 +6,12 @@ they others.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, IntArray
 
 if TYPE_CHECKING:
     from teamslam.model.dataset import Dataset
     from teamslam.model.tables import Table
+    from teamslam.model.values import Values
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,15 @@ class Unknowns(Protocol):
 
     def again(self, values: Array) -> "Dataset":
         """The log, were they `values` (k,): its poses, too, may be others."""
+        ...
+
+    @property
+    def truths(self) -> "dict[int, tuple[IntArray, Array]]":
+        """By robot, where it truly was: rising ticks (n,), and positions (n, 3), of those whose stamps may be late."""
+        ...
+
+    def truth_with(self, late_s: dict[int, float]) -> "Values | None":
+        """The truth of the log, were that of some robots so late."""
         ...
 
     def varied(self, values: Array) -> "tuple[Table, ...]":

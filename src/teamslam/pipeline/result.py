@@ -1,13 +1,13 @@
 """A finished run: what went in, what came out, and how far it is to be believed."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from teamslam.answers import Answers, ResidualTable
 from teamslam.answers.maps_card import facts_of, maps_card
 from teamslam.config import Config
 from teamslam.joining import Cost, Joined
-from teamslam.metrics import Report
+from teamslam.metrics import Late, Report
 from teamslam.model import Dataset, Submap, Values
 from teamslam.solver import Covariances
 from teamslam.trust import Assessment, Decisions, Suspicions, Verdict, sentence
@@ -25,6 +25,7 @@ class Result(Answers):
     wrong and left out, where that was asked for; `calibration` what was wrong with the model of the data, and was put
     right; it is false where nothing was, None where the noise was taken as stated. `unknowns` is what the log rests on
     and nobody measured, clocks and cameras, and what was found of it; None where there is nothing uncertain.
+    `truth_late` is by how much the truth of robots was late, and was matched so.
     """
 
     config: Config
@@ -39,6 +40,7 @@ class Result(Answers):
     decisions: Decisions | None = None
     calibration: Calibration | None = None
     unknowns: Settled | None = None
+    truth_late: Mapping[int, Late] = field(default_factory=dict)
 
     @property
     def map(self) -> Submap:

@@ -18,7 +18,7 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
-from teamslam.pipeline.mending import calibrated, carrying_unknowns, cleared, once_more, settled_by
+from teamslam.pipeline.mending import calibrated, carrying_unknowns, cleared, in_time, once_more, settled_by
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
 from teamslam.solver import Covariances, meanwhile
@@ -72,6 +72,7 @@ def run(
             clock.start("suspicions")
             suspected = suspicions(log, submaps, joined)
         pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
+    dataset, late = in_time(dataset, joined)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
     with meanwhile(lambda: [known.all for known in asked]):
@@ -96,7 +97,7 @@ def run(
         raise explained(error, log) from None
     return Result(
         config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(),
-        decisions, calibration, found,
+        decisions, calibration, found, late,
     )  # fmt: skip
 
 

@@ -31,9 +31,11 @@ Its fields:
                                    `unknowns`, each `of` a robot or a camera, with its `name` and `unit`, the `stated`
                                    value and its `prior` sigma, the `value` that the map is made by and its `sigma`,
                                    whether the rows `told` it, and `windows`, what stretches of the recordings say by
-                                   themselves (the map held); their `covariance`; whether they are `settled` after so
+                                   themselves; their `covariance`; whether they are `settled` after so
                                    many `rounds`, or `why` nothing was estimated; the same in `sentences`; null where
                                    nothing is uncertain
+    truth_late                     by robot, by how much the stamps of its truth are late, and were taken to be:
+                                   `value_s` and `sigma_s`, from the map
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map
@@ -128,6 +130,9 @@ def report_of(result: Result) -> dict[str, Any]:
         "fit": _fit(result.verdict),
         "calibration": _calibration(result),
         "estimated": _estimated(result),
+        "truth_late": [
+            {"robot": dataset.names.robot(robot), **asdict(late)} for robot, late in sorted(result.truth_late.items())
+        ],
         "iterations": _total(parts, "iterations"),
         "seconds": sum(result.seconds.values()),
         "components": len(components),

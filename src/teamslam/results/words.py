@@ -23,6 +23,7 @@ def outcome(report: Report) -> Rows:
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
         *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
         *(("estimated", sentence) for sentence in (report.get("estimated") or {}).get("sentences", ())),
+        *(("truth", _late(late)) for late in report.get("truth_late", ())),
         *_rejected(report.get("rejected")),
         *_suspicions(report.get("suspicions")),
         *_fit(report["fit"]),
@@ -45,6 +46,12 @@ def _components(report: Report) -> Rows:
     frames = {part["frame"] for part in report["parts"]}
     alike = f", though all are in {frames.pop()}" if len(frames) == 1 else ""
     return [("components", said + alike), *(("", reason) for reason in report["reasons"])]
+
+
+def _late(late: Report) -> str:
+    """How late a truth was."""
+    value, sigma = (1e3 * late[name] for name in ("value_s", "sigma_s"))
+    return f"of {late['robot']} is stamped {value:.1f} ms +- {sigma:.1f} ms late, and was matched so"
 
 
 def _lost(lost: Report) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Estimated:
     """A number that was estimated: its `name` with the unit in which all is told, `value`, `sigma` and what was
-    `stated`; what stretches at `stamps_s` (n,) say of it, `values` and `sigmas` (n,), the map held."""
+    `stated`; what stretches at `stamps_s` (n,) say of it by themselves, `values` and `sigmas` (n,)."""
 
     name: str
     value: float
@@ -44,7 +44,13 @@ def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
         axes.axhline(one.value, color=colour)
         axes.axhline(one.stated, color=QUIET, ls="--")
         axes.errorbar(one.stamps_s, one.values, yerr=one.sigmas, fmt="o", ms=3.5, color=METHOD_COLOURS["join"])
-        near = np.concatenate([[one.value, one.sigma + one.value, one.value - one.sigma], one.values])
+        near = np.concatenate(
+            [
+                [one.value, one.sigma + one.value, one.value - one.sigma],
+                one.values - one.sigmas,
+                one.values + one.sigmas,
+            ]
+        )
         room = 0.1 * max(float(np.ptp(near)), 1e-9)
         axes.set_ylim(near.min() - room, near.max() + room)
         axes.set_title(plain(f"{one.name}: {one.value:.4g} +- {one.sigma:.2g}; stated {one.stated:.4g}", 200),

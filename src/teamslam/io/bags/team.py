@@ -114,7 +114,7 @@ class Recordings:
             origin=str(self.path),
             unknowns=Reading(self, values, tuple(tables), file, tuple(team), tuple(named), keyframes),
         )
-        return replace(log, truth=_truth(team, file, log))
+        return replace(log, truth=_truth(team, file, log, {}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +138,21 @@ class Reading:
     def again(self, values: Array) -> Dataset:
         """The log, were they others."""
         return self.recordings.log(values)
+
+    @property
+    def truths(self) -> dict[int, tuple[IntArray, Array]]:
+        """Where robots truly were, of those whose truth is not stated to be in time."""
+        found = {}
+        for number, robot in enumerate(self.used, 1):
+            if robot.truth is not None and len(robot.truth) > 1 and not robot.entry.truth_in_time:
+                ticks, first = np.unique(robot.truth.ticks, return_index=True)
+                found[number] = ticks, robot.truth.poses.translation[first]
+        return found
+
+    def truth_with(self, late_s: dict[int, float]) -> Values | None:
+        """The truth of the log, were that of some robots so late."""
+        log = Dataset({k + 1: robot.entry.dim for k, robot in enumerate(self.used)}, self.tables)
+        return _truth(self.used, self.file, log, late_s)
 
     def varied(self, values: Array) -> tuple[Table, ...]:
         """Those sightings of this log that would be others, were the unknowns."""
@@ -167,8 +182,8 @@ def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, In
     return {n: merge(np.concatenate([np.zeros(0, np.int64), *ticks]), merged) for n, ticks in wanted.items()}
 
 
-def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset) -> Values | None:
-    """Where robots and tags truly are, of those that are known."""
+def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset, late_s: Mapping[int, float]) -> Values | None:
+    """Where robots and tags truly are, of those that are known; the truth of some robots is stamped so late."""
     found: dict[Kind, list[tuple[IntArray, Pose]]] = {}
     places: list[tuple[int, tuple[float, float, float]]] = []  # of tags of which nobody says how they are turned
     for number, robot in enumerate(team, 1):
@@ -176,7 +191,8 @@ def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset) -> Values | None:
             continue
         ticks, first = np.unique(robot.truth.ticks, return_index=True)
         keys = log.pose_keys[number]
-        poses, known = interpolate(ticks, robot.truth.poses[first], index_of(keys), round(TRUTH_GAP_S * TICKS_PER_S))
+        at = index_of(keys) + round(late_s.get(number, 0.0) * TICKS_PER_S)
+        poses, known = interpolate(ticks, robot.truth.poses[first], at, round(TRUTH_GAP_S * TICKS_PER_S))
         if robot.entry.dim == 2:
             poses = Pose.from_xytheta(poses.xytheta())
         found.setdefault(pose_kind(robot.entry.dim), []).append((keys[known], poses[np.flatnonzero(known)]))

@@ -119,12 +119,13 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A robot: its recording, the topic of its odometry, its cameras and the tags it carries. Of its images one is used
     every `image_every_s`, the one that shows most tags. `truth` is a topic with its true poses, as motion capture gives
-    them: results are scored against it."""
+    them: results are scored against it, and how late its stamps are is found out, unless it is `truth_in_time`."""
 
     name: str
     recording: str
     odometry: str | None = None
     truth: str | None = None
+    truth_in_time: bool = False
     dim: int = 3
     image_every_s: float = 0.25
     motion: WayNoise = WayNoise()

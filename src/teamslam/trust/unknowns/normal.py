@@ -8,7 +8,7 @@
 The covariance of p beside the map is the inverse of the matrix on the left.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import AtMap
-from teamslam.model import Unknowns
+from teamslam.model import Table, Unknowns
 from teamslam.solver import Factor
 from teamslam.trust.calibration.rows import held_at, linearised
 from teamslam.trust.unknowns.effects import Effects
@@ -43,9 +43,8 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> No
     own = np.diag(prior**-2.0)
     slope = (stated - unknowns.values) / prior**2
     for at in maps:
-        cross, mine, pull, follow = _of_map(at, effects)
-        own = own + mine - cross.T @ follow[:, 1:]
-        slope = slope - pull + cross.T @ follow[:, 0]
+        left, pull = eliminated(at, lambda table, at=at: effects.at(at, table))  # type: ignore[misc]
+        own, slope = own + left, slope + pull
     own = 0.5 * (own + own.T)
     sigmas = np.sqrt(np.diag(np.linalg.inv(own)))
     free = _free(own, slope, stated - unknowns.values, useful)
@@ -75,23 +74,25 @@ def _free(own: Array, slope: Array, back: Array, useful: Array) -> IntArray:
     return free
 
 
-def _of_map(at: AtMap, effects: Effects) -> tuple[Array, Array, Array, Array]:
-    """C (n, k), D'WD (k, k), D'We (k,), and H^-1 [J'We, C] (n, 1 + k) of one map."""
-    free, count = at.gap.free, len(effects.steps)
+def eliminated(at: AtMap, effect: Callable[[Table], Array]) -> tuple[Array, Array]:
+    """S - C' H^-1 C (k, k) and C' H^-1 J'We - D'We (k,) of one map, without priors; `effect` gives de/dp (m, rows, k)
+    of the rows of a table."""
+    free = at.gap.free
     hessian, gradient = sp.csr_array((free.dof, free.dof)), np.zeros(free.dof)
-    cross, own, pull = np.zeros((free.dof, count)), np.zeros((count, count)), np.zeros(count)
+    cross, own, pull = [], [], []
     both = linearised(at.tables, at.values, held_at(at), at.joined.names)
     for table, (error, jacobian) in zip(at.tables, both, strict=True):
-        effect = effects.at(at, table)
         whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
         weight = np.sqrt(table.loss.weight(np.sum(table.whitened(at.values) ** 2, -1)))
         white = weight[:, None, None] * whitening
-        e, D = (white @ error[..., None]).ravel(), (white @ effect).reshape(error.size, count)
+        e, D = (white @ error[..., None]).ravel(), (white @ effect(table)).reshape(error.size, -1)
         J = sp.csr_array(sp.block_diag(list(white), format="csr") @ jacobian)
         hessian = hessian + J.T @ J
         gradient += J.T @ e
-        cross += J.T @ D
-        own += D.T @ D
-        pull += D.T @ e
+        cross.append(J.T @ D)
+        own.append(D.T @ D)
+        pull.append(D.T @ e)
     factor = Factor.of(free, sp.csr_array(hessian), at.joined.names, at.joined.values)
-    return cross, own, pull, np.asarray(factor.solve(np.column_stack([gradient, cross])))
+    C = np.sum(cross, 0)
+    followed = factor.solve(np.column_stack([gradient, C]))
+    return np.sum(own, 0) - C.T @ followed[:, 1:], C.T @ followed[:, 0] - np.sum(pull, 0)

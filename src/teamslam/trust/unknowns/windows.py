@@ -1,20 +1,22 @@
-"""The same number from stretches of a recording, each by itself, at the map: does it hold all along, or does it drift?
+"""The same number from stretches of a recording, each by itself: does it hold all along, or does it drift?
 
-q_w = (D_w' W D_w)^-1 D_w' W e_w,   e_w the rows of stretch w          (the map held, so sigmas are the smallest)
+Each stretch has the number for its own, and all of them, and the map, are estimated together from where they are: rows
+of one stretch say how the number is there, and the map is no judge of it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, IntArray
 from teamslam.joining import AtMap
-from teamslam.model import Unknowns, is_pose
+from teamslam.model import Table, Unknowns
 from teamslam.trust.unknowns.effects import Effects
+from teamslam.trust.unknowns.normal import eliminated
 
 COUNT = 12
-FEWEST = 3  # rows of a stretch
+TOLD = 0.2  # of the prior: a stretch that knows less says nothing
 
 
 @dataclass(frozen=True)
@@ -27,41 +29,45 @@ class Window:
 
 
 def windows_of(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> tuple[tuple[Window, ...], ...]:
-    """The windows of each unknown, those in which it shows."""
-    rows = [row for at in maps for row in _rows(at, effects)]
-    if not rows:
+    """The windows of each unknown, those that tell it."""
+    stamps = [_stamps(at, table) for at in maps for table in at.tables if effects.at(at, table).any()]
+    if not stamps:
         return ((),) * len(unknowns.each)
-    stamps, own, pull = (np.concatenate(part) for part in zip(*rows, strict=True))
-    out = []
-    for k, value in enumerate(unknowns.values.tolist()):
-        shows = own[:, k] > 0.0
-        out.append(tuple(_windows(stamps[shows], own[shows, k], pull[shows, k], value)))
-    return tuple(out)
+    edges = np.linspace(min(s.min() for s in stamps), max(s.max() for s in stamps), COUNT + 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    k = len(unknowns.each)
+    own, slope = np.zeros((COUNT * k, COUNT * k)), np.zeros(COUNT * k)
+    for at in maps:
+        left, pull = eliminated(at, lambda table, at=at: _apart(effects.at(at, table), at, table, edges))  # type: ignore[misc]
+        own, slope = own + left, slope + pull
+    return tuple(
+        tuple(_told(own[mine, mine], slope[mine], middles, unknown.prior, float(value)))
+        for mine, unknown, value in zip(
+            [slice(COUNT * n, COUNT * (n + 1)) for n in range(k)], unknowns.each, unknowns.values, strict=True
+        )
+    )
 
 
-def _windows(stamps: Array, own: Array, pull: Array, value: float) -> Iterator[Window]:
-    if not len(stamps):
-        return
-    edges = np.linspace(stamps.min(), stamps.max(), COUNT + 1)
-    place = np.clip(np.searchsorted(edges, stamps, "right") - 1, 0, COUNT - 1)
-    for window in range(COUNT):
-        mine = place == window
-        if np.count_nonzero(mine) >= FEWEST:
-            known = float(own[mine].sum())
-            middle = float((stamps[mine] * own[mine]).sum() / known)
-            yield Window(middle, value - float(pull[mine].sum()) / known, known**-0.5)
+def _told(own: Array, slope: Array, middles: Array, prior: float, value: float) -> list[Window]:
+    known = np.linalg.inv(own + np.eye(COUNT) / prior**2)
+    sigmas, steps = np.sqrt(np.diag(known)), known @ slope
+    return [
+        Window(float(stamp), value + float(step), float(sigma))
+        for stamp, step, sigma in zip(middles, steps, sigmas, strict=True)
+        if sigma < TOLD * prior
+    ]
 
 
-def _rows(at: AtMap, effects: Effects) -> Iterator[tuple[Array, Array, Array]]:
-    """Stamps (m,), D'WD (m, k) and D'We (m, k) of each table."""
-    for table in at.tables:
-        if not is_pose(table.keys[:, 0]).all():
-            continue
-        effect = effects.at(at, table)
-        if not effect.any():
-            continue
-        weight = table.loss.weight(np.sum(table.whitened(at.values) ** 2, -1))
-        white = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
-        D, e = white @ effect, table.whitened(at.values)
-        stamps = at.joined.names.stamps_s(table.keys[:, 0])
-        yield stamps, weight[:, None] * np.sum(D**2, 1), weight[:, None] * np.einsum("mrk,mr->mk", D, e)
+def _apart(effect: Array, at: AtMap, table: Table, edges: Array) -> Array:
+    """The effects (m, rows, k) of each window by itself (m, rows, k COUNT)."""
+    mine = _window(_stamps(at, table), edges)[:, None] == np.arange(COUNT)
+    return np.asarray((effect[..., None] * mine[:, None, None]).reshape(*effect.shape[:2], -1))
+
+
+def _window(stamps: Array, edges: Array) -> IntArray:
+    return np.asarray(np.clip(np.searchsorted(edges, stamps, "right") - 1, 0, COUNT - 1))
+
+
+def _stamps(at: AtMap, table: Table) -> Array:
+    """When the rows were seen, by who saw; a row without an observer: when its target was there."""
+    return np.asarray(at.joined.names.stamps_s(table.keys[:, 0]))
