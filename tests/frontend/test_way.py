@@ -1,9 +1,11 @@
 """Odometry between keyframes: what it says, where it does not jump; and what is known where it says nothing."""
 
 import numpy as np
+import pytest
 
+from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import Track
-from teamslam.frontend.way import WayNoise, jumps, standing, steps_between
+from teamslam.frontend.way import WayNoise, beside_the_line, jumps, standing, steps_between
 from teamslam.frontend.way import moved as moved_by
 from teamslam.geometry import Pose
 
@@ -87,3 +89,52 @@ def test_where_odometry_jumps_or_is_missing_nothing_moves_in_a_moment():
     assert np.linalg.norm(found.translation[0, 0]) > 0.015
     np.testing.assert_array_equal(found.translation[1:], 0.0)
     assert moved_by(jumped.select(slice(0, 1)), np.array([0]), np.ones((1, 4)), NOISE).batch == (1, 4)
+
+
+def missed(track, every):
+    """Odometry of which only every so many messages came, how far it is from the line where others were, and what is
+    said of that."""
+    kept = track.select(np.arange(len(track)) % every == 0)
+    at = track.ticks[2 * every : -2 * every]
+    inside = at[at < kept.ticks[-1]]
+    true = track.poses[np.searchsorted(track.ticks, inside)]
+    found, held = interpolate(kept.ticks, kept.poses, inside, 10**9)
+    assert held.all()
+    return found.minus(true), beside_the_line(kept, inside), np.isin(inside, kept.ticks)
+
+
+def test_at_a_message_the_way_is_on_the_line_and_nearly_so_beside_it():
+    for off, said, message in (missed(drive(), 10), missed(shaken(1), 10)):
+        assert message.any() and not said[message].any() and np.abs(off[message]).max() < 1e-9
+        assert (said[~message] > 0).all()
+    track = shaken(2).select(np.arange(400) % 10 == 0)
+    near, half = (beside_the_line(track, track.ticks[5:6] + late).max() for late in (10_000, 250_000))
+    assert near < 0.3 * half
+
+
+def test_a_smooth_way_bends_as_its_differences_say():
+    off, said, message = missed(drive(), 10)  # 1 m/s round a circle of 5 m: half a second is 6 mm beside the chord
+    bow = np.linalg.norm(off[~message, :3], axis=1).max()
+    assert bow == pytest.approx(0.2 * 0.5**2 / 8, rel=0.05)
+    assert 0.5 * bow < np.linalg.norm(said[:, :3], axis=1).max() < 2.0 * bow
+
+
+def shaken(seed):
+    """A camera in a hand that goes anywhere, at 20 messages a second."""
+    steps = np.random.default_rng(seed).normal(size=(400, 6)) * [0.01, 0.01, 0.01, 0.02, 0.02, 0.02]
+    places = np.cumsum(steps, 0)
+    return Track(50_000 * np.arange(400), Pose.from_tangent(places * [1, 1, 1, 0.2, 0.2, 0.2], 3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rough_way_is_as_far_from_the_line_as_said(seed):
+    off, said, message = missed(shaken(seed), 4)
+    for part in (slice(0, 3), slice(3, 6)):
+        sigmas = np.mean((off[~message, part] / said[~message, part]) ** 2)
+        assert 0.2 < sigmas < 1.2  # below 1, as of the differences near it the largest counts
+
+
+def test_a_keyframe_between_messages_is_known_less_than_at_one():
+    track = shaken(4).select(np.arange(400) % 10 == 0)
+    at, between = (steps_between(track, track.ticks[5:9] + late, NOISE).covariances for late in (0, 250_000))
+    assert (np.linalg.eigvalsh(between - at) >= -1e-12).all() and np.trace(between[0]) > 1.2 * np.trace(at[0])

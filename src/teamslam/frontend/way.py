@@ -5,6 +5,7 @@ far more than the robot can move. A step is a jump where its speed exceeds the s
 tells nothing: the robot is taken to have gone on as the motion model says, with its uncertainty.
 
     between keyframes:   X_a^-1 X_b, steps composed; covariance grows with time and with the way
+    between messages:    a straight line from one to the next, and how far the way may be beside it: by its differences
     motion model:        stands still, give or take speed * dt and turn * dt (a camera carried by hand)
     within moments:      X(t)^-1 X(t + d) = Exp(d v), v by odometry from t - WINDOW_S to t + WINDOW_S
 """
@@ -76,6 +77,8 @@ def steps_between(track: Track, keyframes: IntArray, noise: WayNoise, longest_s:
     turn = np.linalg.norm(steps.minus(still)[:, 3:], axis=-1)
     spread[good, :3] = (noise.drift_m**2 * dt + noise.slip_m**2 * way)[good, None]
     spread[good, 3:] = (noise.drift_rad**2 * dt + noise.slip_rad**2 * turn)[good, None]
+    beside = beside_the_line(track, keyframes) ** 2
+    spread[good] += (beside[:-1] + beside[1:])[good]
     each = good[:, None, None]
     steps = Pose(np.where(each, steps.rotation, still.rotation), np.where(good[:, None], steps.translation, 0.0))
     return Steps(steps, diagonal(spread), track.ticks[1:][jumped], int(np.count_nonzero(~(held[:-1] & held[1:]))))
@@ -102,6 +105,39 @@ def moved(track: Track, ticks: IntArray, over_s: Array, noise: WayNoise, longest
     fast |= np.linalg.norm(velocity[:, 3:], axis=1) > noise.fastest_rad_s
     velocity[fast | ~held.reshape(3, -1).all(0) | (at[2] <= at[0])] = 0.0
     return Pose.from_tangent(over_s[..., None] * velocity[:, None], 3)
+
+
+def beside_the_line(track: Track, ticks: IntArray) -> Array:
+    """How far from the straight line between two messages a robot may be at `ticks` (m,), one sigma of each number
+    (m, 6) [m, rad]; 0 at a message. `track` has messages at rising ticks.
+
+    With u = t1 t2 / dt^2, and d2, d3 the second and third differences of messages so far apart:
+
+        sigma^2  =  (d2 u / 2)^2  +  d3^2 u / 6
+
+    First what a smooth way is beside its chord, f'' t1 t2 / 2; then what a rough one may be: of a random walk third
+    differences have 6 times the variance of a step, and it is u times that beside the line (a Brownian bridge).
+    """
+    if len(track) < 4:
+        return np.zeros((len(ticks), 6))
+    t = track.ticks / TICKS_PER_S
+    dt = np.diff(t)
+    turned = track.poses[1:].minus(track.poses[:-1])[:, 3:]
+    velocity = np.concatenate([np.diff(track.poses.translation, axis=0), turned], -1) / dt[:, None]
+    first = np.clip(np.searchsorted(track.ticks, ticks), 1, len(dt)) - 1
+    at = np.clip(ticks, track.ticks[0], track.ticks[-1]) / TICKS_PER_S
+    u = (at - t[first]) * (t[first + 1] - at) / dt[first] ** 2
+    d2, d3 = (_largest_near(np.diff(velocity, order, axis=0), first, order) * dt[first, None] for order in (1, 2))
+    sigma = np.sqrt((0.5 * u[:, None] * d2) ** 2 + d3**2 * u[:, None] / 6.0)
+    return np.asarray(np.repeat(sigma, 3, axis=1))
+
+
+def _largest_near(changes: Array, steps: IntArray, order: int) -> Array:
+    """The RMS over the axes of moving and of turning (m, 2) of the largest of changes (n, 6) that have a part in some
+    steps (m,): of `order` many more steps than one each."""
+    size = np.stack([np.sqrt(np.mean(changes[:, part] ** 2, 1)) for part in (slice(0, 3), slice(3, 6))], -1)
+    reached = np.clip(steps[:, None] - np.arange(order + 1), 0, len(size) - 1)
+    return np.asarray(size[reached].max(1))
 
 
 def jumps(track: Track, noise: WayNoise) -> BoolArray:
