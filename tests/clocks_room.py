@@ -8,7 +8,7 @@ import numpy as np
 
 from teamslam.cli.film import team_of
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners
-from teamslam.frontend.tags.noise import corner_sigmas
+from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.geometry import Pose
 from teamslam.io.bags.first_guess import first_guess
 from teamslam.io.bags.seen import Book, Seen, View
@@ -70,10 +70,10 @@ def _corners(made, robot, planted, rng, noise):
             pixels = _seen(made, robot, t, number, size * planted.size, place, lens, planted)
             if pixels is None:
                 continue
-            sigma = corner_sigmas(pixels[None], 0.1, 0.3)[0]
+            root = np.linalg.cholesky(corner_covariances(pixels[None], 0.02, 0.08)[0])  # as the film's team file says
             frame.append(len(frames) - 1)
             ids.append(number)
-            corners.append(pixels + noise * sigma[:, None] * rng.normal(size=(4, 2)))
+            corners.append(pixels + noise * (root @ rng.normal(size=8)).reshape(4, 2))
     n = len(ids)
     return TagCorners(
         np.array(frames), np.array(frame), np.array(ids), np.array(corners), np.zeros(n, int), ("tag36h11",) * n

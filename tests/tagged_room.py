@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import recordings
 from teamslam.frontend.tags.camera import Camera
+from teamslam.frontend.tags.noise import corner_covariances
 
 CAMERA = Camera((540.0, 540.0), (319.5, 239.5), "radtan", (-0.05, 0.02, 1e-4, -2e-4), (640, 480))
 START = 1_700_000_000 * 10**9
@@ -119,11 +120,9 @@ def seen(room, robot, k, rng, noise=1.0):
         side = np.linalg.norm(np.roll(pixels, -1, 0) - pixels, axis=1)
         if side.min() < 12:
             continue
-        back = np.roll(side, 1)
-        cross = np.roll(pixels, -1, 0) - pixels, np.roll(pixels, 1, 0) - pixels
-        sine = np.abs(cross[0][:, 0] * cross[1][:, 1] - cross[0][:, 1] * cross[1][:, 0]) / side / back
-        sigma = np.sqrt(FLOOR**2 + (2 * EDGE) ** 2 * (1 / side + 1 / back) / (2 * sine**2))
-        found.append((number, pixels + noise * sigma[:, None] * rng.normal(size=(4, 2)) + 0.5))  # as detectors count
+        root = np.linalg.cholesky(corner_covariances(pixels[None], FLOOR, EDGE)[0])
+        error = (root @ rng.normal(size=8)).reshape(4, 2)
+        found.append((number, pixels + noise * error + 0.5))  # as detectors count
     return found
 
 

@@ -137,8 +137,8 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
         quaternion_wxyz=tuple(CAMERA.quaternion_wxyz().tolist()),
         delay_s=options.delay_s,
         line_s=options.shutter.line_s,
-        floor_px=0.1,
-        edge_px=0.3,
+        floor_px=0.02,
+        edge_px=0.08,
     )
 
     def carried(number: int, pose, size_m: float | None = None) -> CarriedTag:  # type: ignore[no-untyped-def]

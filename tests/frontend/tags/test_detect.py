@@ -8,8 +8,8 @@ from tag_pictures import picture, square
 from teamslam.errors import InputError
 from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.detect import Detector, Looking, of_one_family
-from teamslam.frontend.tags.edges import NARROWEST, SHARP, edge_widths
-from teamslam.frontend.tags.noise import corner_sigmas
+from teamslam.frontend.tags.edges import CUT, NARROWEST, SHARP, edge_widths
+from teamslam.frontend.tags.noise import corner_covariances
 
 TAGS = {3: square((70.3, 80.7), 90, 0.3), 17: square((220.6, 80.2), 70, -2.0, 0.2), 42: square((150, 200.4), 50, 1.2)}
 
@@ -56,14 +56,42 @@ def test_motion_widens_the_edges_across_it():
     image = cv2.blur(picture(tags, (180, 180), blur=0.5), (7, 1))
     bottom, right, top, left = edge_widths(image, np.array(list(tags.values())))[0]
     assert max(bottom, top) < 0.95 and min(left, right) > 1.5
-    sharp, smeared = (corner_sigmas(np.array(list(tags.values())), 0.0, 0.5, w)[0] for w in
-                      (None, np.array([[bottom, right, top, left]])))  # fmt: skip
-    assert (smeared > 1.2 * sharp).all()
+    smeared = corner_covariances(np.array([tags[3]]), 0.0, 0.5, np.array([[bottom, right, top, left]]))[0]
+    across, along = np.sqrt(np.diag(smeared)[::2]), np.sqrt(np.diag(smeared)[1::2])
+    assert (across > 1.5 * along).all()  # the motion was from left to right
 
 
-def test_no_contrast_and_no_image_there_say_nothing():
+def test_one_noise_fits_small_tags_and_large_ones_sharp_and_blurred():
+    """Pictures with noise: whatever error of a point is stated, squares of errors in sigmas are alike everywhere."""
+    found = []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        at, turn = rng.uniform(0, 1, (2, 2)), rng.uniform(0.05, 0.7)
+        tags = {3: square((80, 80) + at[0], 110, turn), 5: square((230, 80) + at[1], 50, turn)}
+        for blur in (0.6, 1.2):
+            seen = Detector(Looking())(picture(tags, (320, 160), blur=blur, noise=6.0, seed=seed))
+            error = (seen.corners - [tags[k] for k in seen.ids.tolist()]).reshape(-1, 8)
+            stated = corner_covariances(seen.corners, 0.01, 0.05, seen.widths)
+            found.append(np.sum(error * np.linalg.solve(stated, error[..., None])[..., 0], -1) / 8)
+    kinds = np.array(found).reshape(5, 2, 2).mean(0)  # by blur and by size
+    assert kinds.max() < 2.5 * kinds.min()  # the law without blur would be 3.5 times apart
+
+
+def test_no_contrast_says_nothing_of_the_blur():
     grey = np.full((40, 40), 100, np.uint8)
-    assert (edge_widths(grey, np.array([square((20, 20), 10), square((400, -300), 50)])) == SHARP).all()
+    assert (edge_widths(grey, np.array([square((20, 20), 10)])) == SHARP).all()
+
+
+def test_an_edge_at_the_border_of_the_image_is_not_known():
+    """A tag that the border cuts is found, with an edge that is not there; the others are where they were drawn."""
+    true = square((50.6, 90.3), 100, 0.03)  # its left edge is where the image begins, without the white beside it
+    seen = Detector(Looking())(picture({3: true}, (180, 180), blur=0.5))
+    assert seen.ids.tolist() == [3] and np.abs(seen.corners[0] - true).max() > 0.5
+    assert [bool(w == CUT) for w in seen.widths[0]] == [False, False, False, True]
+    error, stated = (seen.corners[0] - true).ravel(), corner_covariances(seen.corners, 0.02, 0.08, seen.widths)[0]
+    assert error @ np.linalg.solve(stated, error) < 3.0 * 8
+    beyond = edge_widths(np.full((40, 40), 100, np.uint8), np.array([square((400, -300), 50)]))
+    assert (beyond == CUT).all()
 
 
 def test_a_number_that_two_families_have_stays_with_one():

@@ -5,7 +5,8 @@ import pytest
 
 from frontend.tags.test_camera import CAMERAS
 from teamslam.frontend.streams import TagCorners
-from teamslam.frontend.tags.noise import corner_sigmas
+from teamslam.frontend.tags.edges import SHARP
+from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.frontend.tags.rows import LOOKING, SQUARE, Tag, corner_rows
 from teamslam.geometry import Pose, concatenate, s2
 from teamslam.model import Kind, Table, Values, landmark_key, pose_key
@@ -30,10 +31,11 @@ def seen_in(pixels):
 def test_residuals_at_the_truth_are_the_noise_in_sigmas(name):
     rng, camera, m = np.random.default_rng(0), CAMERAS[name], 300
     poses, pixels = scene(camera, rng, m)
-    sigmas = corner_sigmas(pixels, 0.3, 0.4)
-    noise = rng.normal(size=pixels.shape)
+    covariances = corner_covariances(pixels, 0.3, 0.3)
+    noise = rng.normal(size=(m, 8))
+    moved = (np.linalg.cholesky(covariances) @ noise[..., None]).reshape(pixels.shape)
     tags = [Tag(k, 0.15, str(k)) for k in range(m)]
-    values, white, good = corner_rows(seen_in(pixels + noise * sigmas[..., None]), camera, tags, 0.3, 0.4)
+    values, white, good = corner_rows(seen_in(pixels + moved), camera, tags, 0.3, 0.3)
     assert good.all()
     body = Pose.from_tangent(np.array([1.0, 2.0, 0.3, 0.1, -0.4, 2.0]), 3)
     mount = Pose.from_tangent(np.array([0.1, 0.0, 0.3, -1.2, 0.3, -1.1]), 3)
@@ -44,19 +46,49 @@ def test_residuals_at_the_truth_are_the_noise_in_sigmas(name):
     table = Table(1, "landmarks", "corners", 3, keys, values, white, np.arange(m), mount @ LOOKING)
     found = table.whitened(truth)
     # Sigmas follow from the corners as they were seen, which matters where a tag is nearly edge on: hence the slack.
-    flat = sigmas.max(1) < 1.0
-    np.testing.assert_allclose(np.sum(found**2, -1)[flat], np.sum(noise**2, (-1, -2))[flat], rtol=0.2)
+    flat = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)).max(1) < 0.5
+    np.testing.assert_allclose(np.sum(found**2, -1)[flat], np.sum(noise**2, -1)[flat], rtol=0.2)
     assert 0.95 < np.mean(found**2) < 1.05
 
 
+def fitted(corners, s, rng, count):
+    """Corners (count, 4, 2) where lines cross that are fitted to 16 points on each edge, each off by s across it."""
+    share = (1.0 + np.arange(16)) / 17.0
+    lines = []
+    for a, b in zip(corners, np.roll(corners, -1, 0), strict=True):
+        normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.linalg.norm(b - a)
+        fit = np.polynomial.polynomial.polyfit(share, s * rng.normal(size=(16, count)), 1)
+        ends = a + fit[0][:, None] * normal, b + fit.sum(0)[:, None] * normal
+        lines.append(np.cross(*(np.concatenate([end, np.ones((count, 1))], 1) for end in ends)))
+    crossings = (np.cross(before, line) for before, line in zip(np.roll(lines, 1, 0), lines, strict=True))
+    return np.stack([at[:, :2] / at[:, 2:] for at in crossings], 1)
+
+
+@pytest.mark.parametrize("shape", [[[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 0], [1, 0.1], [1.3, 0.9], [0.2, 0.7]]])
+def test_corners_err_as_lines_fitted_along_edges_cross(shape):
+    corners = 100.0 * np.array(shape, float)
+    found = fitted(corners, 0.1, np.random.default_rng(1), 20_000).reshape(-1, 8)
+    assert np.allclose(found.mean(0), corners.ravel(), atol=0.01)
+    stated = corner_covariances(corners[None], 0.0, 0.1, np.full((1, 4), SHARP))[0]
+    apart = corner_covariances(corners[None], 0.0, 0.1)[0]  # of others' corners: the same, each by itself
+    assert np.allclose(apart, stated * np.kron(np.eye(4), np.ones((2, 2))))
+    ratio = np.linalg.eigvals(np.linalg.solve(stated, np.cov(found.T))).real  # of variances, in any direction
+    assert ratio.min() > 0.95
+    assert ratio.max() < 1.2  # points end before corners do, which makes lines turn a little more
+
+
 def test_small_tags_and_slanted_ones_are_known_less():
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
-    large, small = corner_sigmas(np.stack([100 * square, 10 * square]), 0.0, 0.5)
-    np.testing.assert_allclose(small / large, np.sqrt(10.0))
-    np.testing.assert_allclose(large, 0.5 * 2.0 / np.sqrt(100.0))
+    def worst(corners, floor=0.0):
+        return np.sqrt(np.diagonal(corner_covariances(corners, floor, 0.5), axis1=1, axis2=2)).max()
+
+    square = np.array([[[0, 0], [1, 0], [1, 1], [0, 1.0]]])
+    assert worst(100 * square) == pytest.approx(worst(40 * square), rel=1e-3)  # sixteen points an edge, all the same
+    assert worst(1e4 * square) == pytest.approx(worst(100 * square) * np.sqrt(16 / 1250), rel=1e-3)
+    assert worst(20 * square) > worst(40 * square) and worst(8 * square) > worst(20 * square)
     slanted = square @ np.array([[1.0, 0.0], [0.8, 0.6]])
-    assert (corner_sigmas(100 * slanted[None], 0.0, 0.5) > large[:1]).all()
-    assert (corner_sigmas(1e4 * square[None], 0.3, 0.5) < 0.31).all()
+    assert worst(100 * slanted) > 1.2 * worst(100 * square)
+    assert worst(100 * square * [1.0, 0.15]) > 1.2 * worst(100 * square)  # seen nearly from its side
+    assert worst(1e4 * square, 0.3) < 0.31
 
 
 def test_a_tag_on_a_body_has_its_corners_there():

@@ -95,7 +95,7 @@ def as_poses(folder, size_m):
 @pytest.mark.parametrize("told", [1.0, 0.8])
 def test_a_room_by_poses_is_the_room_by_corners(told, tmp_path):
     room = tagged_room.make(seed=2, seconds=12.0, rate=2.0)
-    by_corners = ts.run(tagged_room.write(room, tmp_path))
+    by_corners = ts.run(tagged_room.write(room, tmp_path, noise=0.5))  # with more, one pose of two may be the wrong one
     by_poses = ts.run(as_poses(tmp_path, told * tagged_room.SIZE))
     size = [note for note in ts.read(tmp_path / "poses.toml").notes if "the detector took tag" in note]
     assert bool(size) == (told != 1.0)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from teamslam.errors import InputError
+from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.detect import Detector, Looking
 from teamslam.frontend.tags.rows import SQUARE
 from teamslam.geometry import Pose
 from teamslam.sim.film import PRESETS, Options, film
-from teamslam.sim.film.boards import PER_SIDE, tag_picture
+from teamslam.sim.film.boards import PER_SIDE, Board, tag_picture
 from teamslam.sim.film.develop import Sensor, develop
 from teamslam.sim.film.render import Renderer
 from teamslam.sim.film.shutter import MAGIC, Shutter
@@ -133,3 +134,23 @@ def test_tags_that_are_not_there_are_refused():
     assert tag_picture(0).shape == (PER_SIDE + 2,) * 2
     with pytest.raises(InputError, match="tags 0 to 586"):
         tag_picture(587)
+
+
+@pytest.mark.parametrize("smear", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("upright", [True, False])
+def test_an_edge_along_the_lines_of_the_image_is_where_it_is(upright, smear):
+    """A board that faces the camera, dark on one side and light on the other, moving across the edge: the light on the
+    pixels says where the edge is, wherever between two pixels that is."""
+    camera = Camera((100.0, 100.0), (31.5, 23.5), size=(64, 48))
+    renderer = Renderer(MADE.stage, camera, Shutter(0.01, 0.0))
+    across = np.array([1.0, 0.0, 0.0] if upright else [0.0, 1.0, 0.0])
+    within = (MAGIC - 5.0)[..., None] / MAGIC.size * np.ones(camera.size[1])
+    eye = Pose(np.broadcast_to(np.eye(3), (*within.shape, 3, 3)), np.zeros((*within.shape, 3)))
+    facing = np.diag([1.0, -1.0, -1.0])
+    for off in np.linspace(-0.5, 0.5, 7):
+        place = (off + smear * within)[..., None] / 100.0 * across + [0.0, 0.0, 1.0]
+        board = Board(Pose(facing, np.zeros(3)), (2.0, 2.0), np.array([[1.0, 0.0]] if upright else [[1.0], [0.0]]))
+        light = renderer.scene(eye, [(board, Pose(np.broadcast_to(np.eye(3), (*within.shape, 3, 3)), place))])
+        row = light[10:34, 8:56] if upright else light[8:40, 8:56].T
+        middle = camera.centre[0 if upright else 1] + off
+        assert row.mean(0).sum() + 7.5 == pytest.approx(middle, abs=0.05)  # a grid would be up to a sixth beside it

@@ -12,7 +12,7 @@ import numpy as np
 from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.late import Motion, at_one_instant
-from teamslam.frontend.tags.noise import corner_sigmas
+from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.geometry import Array, BoolArray, Pose, s2
 
 LOOKING = Pose(np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]), np.zeros(3))
@@ -57,11 +57,12 @@ def corner_rows(
     basis, axes = s2.direction_basis(rays), s2.direction_basis(turned)
     across = np.swapaxes(axes, -1, -2) @ LOOKING.rotation.T @ basis @ slopes
     usable = good.all(-1) & (np.linalg.det(across) != 0.0).all(-1)
-    sigmas = corner_sigmas(seen.corners, floor, edge, seen.widths)
-    inverse = np.linalg.inv(np.where(usable[:, None, None, None], across, np.eye(2))) / sigmas[..., None, None]
-    whitening = np.zeros((len(seen), 8, 8))
+    in_pixels = np.linalg.inv(np.where(usable[:, None, None, None], across, np.eye(2)))
+    sheared = np.zeros((len(seen), 8, 8))
     for k in range(4):
-        whitening[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = inverse[:, k]
+        sheared[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = in_pixels[:, k]
+    root = np.linalg.cholesky(corner_covariances(seen.corners, floor, edge, seen.widths))
+    whitening = np.linalg.solve(root, sheared)
     places = np.array([tag.corners for tag in tags]).reshape(-1, 12)
     if motion is not None and usable.any():
         rows = np.flatnonzero(usable)

@@ -27,7 +27,7 @@ from teamslam.io.files.whole import whole_file
 
 Progress = Callable[[str, int, int], None]
 PART = 64
-LAYOUT = "1"  # of the parts on the disk
+LAYOUT = "2"  # of the parts on the disk
 FIELDS = ("frames", "sizes", "frame", "ids", "corners", "hamming", "families", "widths", "lost")
 
 

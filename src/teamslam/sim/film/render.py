@@ -1,7 +1,11 @@
 """What a camera sees: for each point of the image the first surface on its ray.
 
 The rays go backwards through the lens, distortion and all, so nothing is approximated but by the number of points. The
-room itself is drawn by one ray a pixel, as its pattern is soft; boards by 3 x 3, each at an instant of its own.
+room itself is drawn by one ray a pixel, as its pattern is soft; boards by 3 x 3, each at an instant of its own. Points
+on one grid for the whole image would move an edge that runs along its lines to the nearest of them, by up to a sixth
+of a pixel all along; so each line's points are shifted along it, and each column's likewise, by a step of STAGGER that
+never comes back. Which instant a point has goes round in the same way, from pixel to pixel: over nine lines, or nine
+columns, each place has had each.
 
     board's frame:   o + s d,   with o the eye and d the ray there;   it is met at s = -o_z / d_z
 """
@@ -14,12 +18,13 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from teamslam.frontend.tags.camera import Camera
-from teamslam.geometry import AnyArray, Array, Pose
+from teamslam.geometry import AnyArray, Array, IntArray, Pose
 from teamslam.sim.film.boards import Board
-from teamslam.sim.film.shutter import FINE, Shutter
+from teamslam.sim.film.shutter import FINE, MAGIC, Shutter
 from teamslam.sim.film.stage import CAMERA, HEIGHT_M, SIDE_M, Stage
 
 GRID = 8  # pixels between those whose rays are computed; a spline gives the others
+STAGGER = 0.5 * (np.sqrt(5.0) - 1.0)  # of the distance between points: the golden section spreads most evenly
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +70,16 @@ class Renderer:
         u, v = (np.arange(-GRID, n + 2 * GRID, GRID, dtype=float) for n in (width, height))
         rays, _ = self.camera.rays(np.stack(np.meshgrid(u, v), -1))
         fine = [(np.arange(n * FINE) + 0.5) / FINE - 0.5 for n in (width, height)]
-        slopes = (rays[..., k] / rays[..., 2] for k in (0, 1))
-        points = (RectBivariateSpline(v, u, slope)(fine[1], fine[0]).astype(np.float32) for slope in slopes)
-        a, b = (np.ascontiguousarray(x.reshape(height, FINE, width, FINE).transpose(1, 3, 0, 2)) for x in points)
+        along, down = (np.repeat(_staggered(n), FINE) for n in (height, width))
+        points = []
+        for k in (0, 1):
+            lens = RectBivariateSpline(v, u, rays[..., k] / rays[..., 2])
+            slope, by_v, by_u = (lens(fine[1], fine[0], *d) for d in ((0, 0), (1, 0), (0, 1)))
+            points.append((slope + by_u * along[:, None] + by_v * down).astype(np.float32))
+        places = [x.reshape(height, FINE, width, FINE).transpose(1, 3, 0, 2) for x in points]
+        order = _went_round(height, width)
+        flat = (np.take_along_axis(x.reshape(-1, height, width), order, 0) for x in places)
+        a, b = (x.reshape(FINE, FINE, height, width) for x in flat)
         return a, b
 
     def _draw(self, image: Array, board: Board, eye: Pose, carrier: Pose) -> None:
@@ -129,6 +141,18 @@ class Renderer:
         floor = 0.30 + soft + 0.04 * np.tanh(8.0 * np.sin(2 * np.pi * x) * np.sin(2 * np.pi * y))
         flat = to[2] <= np.minimum(to[0], to[1])
         return np.asarray(np.where(flat, np.where(d[2] < 0, floor, 0.75 + soft), wall), float)
+
+
+def _staggered(count: int) -> Array:
+    """By how much the points of each line (count,) are shifted [pixels], within the distance of two points."""
+    return np.asarray((np.arange(count) * STAGGER % 1.0 - 0.5) / FINE)
+
+
+def _went_round(height: int, width: int) -> IntArray:
+    """Which place (9, h, w) of each pixel is exposed at each of the instants: these go round from pixel to pixel."""
+    places = np.argsort(MAGIC, axis=None)  # in the order of their instants in the magic square
+    step = 4 * np.arange(height)[:, None] + 2 * np.arange(width)  # both have no divisor in common with 9
+    return np.asarray(places[(MAGIC.reshape(-1, 1, 1) - 1 + step) % MAGIC.size])
 
 
 def _body(xytheta: Array) -> Pose:

@@ -1,8 +1,9 @@
 """When each point of each pixel is exposed.
 
 A pixel is the mean of 3 x 3 points in it, and its exposure that of 9 instants: each point has one of them, by the magic
-square. Its rows and columns all have the same mean, so no point's place hangs together with its time, and a moving edge
-is smeared about where it is in the middle of the exposure. A rolling shutter exposes one line after the other.
+square, whose rows and columns all have the same mean. Which has which goes round from pixel to pixel (`render`), so
+that along an edge no point's place hangs together with its time, and a moving edge is smeared as its motion has it,
+about where it is in the middle of the exposure. A rolling shutter exposes one line after the other.
 """
 
 from dataclasses import dataclass
