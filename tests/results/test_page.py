@@ -13,6 +13,7 @@ from teamslam.model import Submap
 from teamslam.results import Record
 from teamslam.results import page as pages
 from teamslam.results.page import page_bytes, page_of
+from teamslam.results.words import outcome
 
 
 def drawn(record: Record) -> dict:
@@ -84,3 +85,16 @@ def test_systematic_errors_stand_in_a_table(record: Record) -> None:
     tables = {table.title: table for table in page_of(calibrated, Config()).tables}
     assert tables["Calibration"].rows == [["1", "landmarks", "clock", "0.0512", "0.002", "0.1", "s"]]
     assert all(table.title != "Calibration" for table in page_of(record, Config()).tables)
+
+
+def test_a_verdict_is_not_told_twice(record: Record) -> None:
+    unknown = {"verdict": "unknown", "sentence": "unknown: nobody looked"}
+    shown = page_of(replace(record, report={**record.report, "fit": unknown}), Config())
+    assert (shown.verdict, shown.sentence) == ("unknown", "nobody looked")
+
+
+def test_what_is_known_of_several_maps_says_of_which(record: Record) -> None:
+    (weak,) = record.report["weak"]
+    several = [value for name, value in outcome({**record.report, "weak": [weak, weak]}) if name == "known"]
+    alone = [value for name, value in outcome(record.report) if name == "known"]
+    assert alone == [weak["sentence"]] and several == [f"Part {n}: {weak['sentence']}" for n in (1, 2)]

@@ -49,7 +49,7 @@ def page_of(record: Record, config: Config) -> Page:
     return Page(
         title=headline(record).partition(", part")[0],
         verdict=fit["verdict"],
-        sentence=fit["sentence"],
+        sentence=fit["sentence"].removeprefix(f"{fit['verdict']}: "),  # which stands before it, larger
         summary=list(_summary(record)),
         robots=seen.robots,
         colours=ROBOT_COLOURS,
@@ -70,7 +70,7 @@ def _alerts(report: Mapping[str, Any]) -> Iterator[str]:
     if not report["converged"]:
         yield f"Not converged: {report['status']}"
     if report["components"] > 1:
-        yield f"{report['components']} maps: the team could not be joined into one. {' '.join(report['reasons'])}"
+        yield f"{report['components']} maps: the team could not be joined into one: {'; '.join(report['reasons'])}"
     lost = report.get("left_out", [])
     if lost:
         more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""

@@ -85,11 +85,12 @@ def _suspicions(found: Report | None) -> Rows:
 def _weak(components: list[Report | None]) -> Rows:
     """What a map does not know, the weakest first, and how well all else is known."""
     known = [weak for weak in components if weak is not None]
+    said = [f"Part {n}: " if len(components) > 1 else "" for n, weak in enumerate(components, 1) if weak is not None]
     told = [part["sentence"] for weak in known for part in (*weak["open"], *weak["directions"])]
     looks = [look["sentence"] for weak in known for look in weak.get("sightings", ())]
     return [
         *(("weak", sentence) for sentence in told),
-        *(("known", weak["sentence"]) for weak in known),
+        *(("known", part + weak["sentence"]) for part, weak in zip(said, known, strict=True)),
         *(("" if number else "look next", sentence) for number, sentence in enumerate(looks)),
     ]
 
