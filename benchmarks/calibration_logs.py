@@ -21,11 +21,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from teamslam.config import Config, JoinOptions
-from teamslam.geometry import Array, Pose
+from teamslam.geometry import Array, IntArray, Pose
 from teamslam.io import read
 from teamslam.metrics import score
 from teamslam.metrics.frames import Aligned, align_team
-from teamslam.model import Dataset, Submap, is_landmark, is_pose
+from teamslam.model import Dataset, Submap, Values, is_landmark, is_pose
 from teamslam.pipeline import Result, run
 from teamslam.solver import Covariances
 
@@ -112,6 +112,27 @@ def scores(result: Result) -> str:
 
 def one_by_one(map: Submap, aligned: Aligned) -> tuple[float, float, float]:
     """NEES/dof of single positions and headings of robots and of single landmarks of a map in the plane, on average."""
+    keys, (shift, turn) = aligned.keys, _drawn(map, aligned)
+    error = aligned.positions(keys)[:, :2] @ _turned(aligned.pose)
+    covariance = np.einsum("nid,njd->nij", shift, shift) / DRAWS
+    nees = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0]) / 2
+    oriented = aligned.known_poses(keys)
+    heading = aligned.turns(oriented)[:, 2] ** 2 / np.mean(turn[np.isin(keys, oriented)] ** 2, -1)
+    marks, robots = is_landmark(keys), is_pose(keys)
+    return _mean(nees[robots]), _mean(heading), _mean(nees[marks])
+
+
+def heading_errors(map: Submap, truth: Values) -> tuple[IntArray, Array, Array]:
+    """The poses of a map in the plane whose headings are known, their errors and their deviations [rad], aligned."""
+    aligned = align_team(map, truth)
+    assert aligned is not None
+    oriented = aligned.known_poses(aligned.keys)
+    turn = _drawn(map, aligned)[1][np.isin(aligned.keys, oriented)]
+    return oriented, aligned.turns(oriented)[:, 2], np.sqrt(np.mean(turn**2, -1))
+
+
+def _drawn(map: Submap, aligned: Aligned) -> tuple[Array, Array]:
+    """Errors of positions (n, 2, DRAWS) and headings (n, DRAWS) as the map has them, each draw aligned."""
     free = map.values.layout
     keys = aligned.keys
     here = free.contains(keys)
@@ -126,16 +147,7 @@ def one_by_one(map: Submap, aligned: Aligned) -> tuple[float, float, float]:
     swung = np.stack([-places[:, 1], places[:, 0]], -1).reshape(-1, 1)
     moved = np.concatenate([np.tile(np.eye(2), (len(keys), 1)), swung], 1)
     fit = -np.linalg.lstsq(moved, shift.reshape(-1, DRAWS), rcond=None)[0]
-    shift = shift + (moved @ fit).reshape(shift.shape)
-    turn = turn + fit[2]
-    error = aligned.positions(keys)[:, :2] @ _turned(aligned.pose)
-    covariance = np.einsum("nid,njd->nij", shift, shift) / DRAWS
-    nees = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0]) / 2
-    oriented = aligned.known_poses(keys)
-    which = np.isin(keys, oriented)
-    heading = aligned.turns(keys[which])[:, 2] ** 2 / np.mean(turn[which] ** 2, -1)
-    marks, robots = is_landmark(keys), is_pose(keys)
-    return _mean(nees[robots]), _mean(heading), _mean(nees[marks])
+    return shift + (moved @ fit).reshape(shift.shape), turn + fit[2]
 
 
 def _turned(pose: Pose) -> Array:

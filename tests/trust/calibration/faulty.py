@@ -15,6 +15,7 @@ from teamslam.trust.calibration.rows import linearised, velocities
 
 Change = Callable[[Table, Array, Array], Table]
 SCALE, OFFSET_M, DELAY_S, CORRELATION = 0.03, 0.05, 0.05, 0.9
+VEER_RAD, STRAIGHT_RAD = 0.008, 0.001
 
 
 def team(seed: int, model: str = "range_bearing", space: str = "2d", poses: int = 120) -> Dataset:
@@ -90,6 +91,25 @@ def persistent(team: Dataset, correlation: float) -> Dataset:
                 kept = correlation ** (stamps[after] - stamps[before])
                 errors[after] = kept * errors[before] + np.sqrt(1.0 - kept**2) * e[after]
         return replace(table, values=table.row.plus(h, errors, table.dim))
+
+    return planted(team, change)
+
+
+def veering(team: Dataset, rng: np.random.Generator) -> Dataset:
+    """Odometry that turns by VEER_RAD a root second more than stated, where every other step is said to turn by next to
+    nothing else, as on a straight drive."""
+
+    def change(table: Table, h: Array, e: Array) -> Table:
+        if table.source != "odometry":
+            return table
+        straight = np.arange(len(h)) % 2 == 1
+        deviations = np.broadcast_to(1.0 / np.einsum("mii->mi", table.whitening), e.shape).copy()
+        deviations[straight, 2] = STRAIGHT_RAD
+        lasting = np.diff(team.names.stamps_s(table.keys), axis=1)[:, 0]
+        errors = deviations * rng.standard_normal(e.shape)
+        errors[:, 2] += VEER_RAD * np.sqrt(lasting) * rng.standard_normal(len(h))
+        whitening = np.eye(3) / deviations[:, None, :]
+        return replace(table, values=table.row.plus(h, errors, table.dim), whitening=whitening)
 
     return planted(team, change)
 

@@ -9,7 +9,7 @@ from teamslam.config import Config
 from teamslam.model import Dataset
 from teamslam.pipeline import Result, run
 from teamslam.trust.calibration import Calibration
-from trust.calibration.faulty import SCALE, long_steps, misstated, offset, persistent, team
+from trust.calibration.faulty import SCALE, VEER_RAD, long_steps, misstated, offset, persistent, team, veering
 
 TEAMS = range(3)
 BAND = (0.85, 1.2)  # of NEES/dof of some 800 numbers, three teams' mean: 1 +- 0.03 by chance
@@ -53,6 +53,15 @@ def test_odometry_that_is_too_long_is_found() -> None:
     assert {(e.source, e.term) for e in errors} == {("odometry", "scale")}
     assert np.sqrt(np.mean([((e.value - SCALE) / e.sigma) ** 2 for e in errors])) < 2.0
     assert BAND[0] < _nees(results) < BAND[1]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_turns_that_nobody_stated_are_found_beside_errors_that_last(seed: int) -> None:
+    log = persistent(veering(team(seed), np.random.default_rng(seed)), 0.9)
+    result = run(log, Config(method="full"))
+    (slip,) = (result.calibration or Calibration()).slips
+    assert slip.name == "turn" and 0.5 * VEER_RAD < slip.density < 2.0 * VEER_RAD
+    assert BAND[0] < (result.scores[0].nees_per_dof or np.nan) < BAND[1]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import numpy as np
 
 from teamslam.geometry import Array, BoolArray
 from teamslam.trust.calibration.choice import Choice
-from teamslam.trust.calibration.drawn import beside_drawn, by_chance
+from teamslam.trust.calibration.drawn import beside_drawn, by_chance, off
 from teamslam.trust.calibration.hidden import hidden
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.persistence import WHITE, Pairs, Persistence, hanging, tempering
@@ -24,6 +24,7 @@ from teamslam.trust.calibration.slipping import Scores
 from teamslam.trust.calibration.slips import SLIPS, Slips
 
 SWEEPS, SETTLED = 2, 0.02  # how many at most, until scales change by less than this share
+SLIDES = 4  # more steps of slips at most
 SLIPPING = 0.02  # that a slip comes in of odometry that does not, where something else is wrong
 FALSE_ALARM = 0.01  # that any scale is changed of a team whose sigmas are right
 
@@ -75,7 +76,8 @@ class Search:
         return self._fit().chosen()
 
     def _settle(self, choice: Choice | None) -> None:
-        """Sweeps with some systematic errors let in, until scales and slips settle; then how errors last."""
+        """Sweeps with some systematic errors let in, until scales and slips settle; then how errors last, and, once
+        they are weighed by that, how odometry slips."""
         for _ in range(SWEEPS if choice else 1):
             theta, scales = self.theta, self.scales
             fit = self._fit(tempered=False, choice=choice)
@@ -86,6 +88,19 @@ class Search:
                 break
         white = beside_drawn(self.linear, self.now, self.white[:, :WHITE])
         self._hang(self.linear.by_tables(fit.left(white)))
+        for _ in range(SLIDES if choice else 0):
+            if not self._slide(self._fit(choice=choice), by_chance(SLIPPING)):
+                break
+
+    def _slide(self, fit: Fit, chance: float) -> bool:
+        """Whether slips stand out, by more than `chance`, of a fit that weighs rows as the map will; these one step
+        nearer to their likeliest. How errors last is known roughly, and a map by rows that count in full follows what
+        they do from one to the next; one by rows that count as what they say together does so less."""
+        scores = Scores.of(self.slips, self.now, self._left(fit))
+        before, out = self.theta, np.abs(off(scores.squares)) > chance
+        self.theta = np.where(out, scores.step(before, chance), before)
+        self._move()
+        return bool((self.theta != before).any())
 
     def _fit(self, *, tempered: bool = True, choice: Choice | None = None) -> Fit:
         roots = []

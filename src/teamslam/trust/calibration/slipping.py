@@ -47,8 +47,9 @@ class Scores:
 
     def step(self, theta: Array, chance: float) -> Array:
         """Theta (slips,) one step of Fisher's scoring on, 2 (Q - mean) / variance of the draws; half of it upwards, as
-        scales move as well, and to MOST times at most. A slip that is not in comes in, all the way, where its score
-        stands out by more than `chance` deviations of the draws."""
+        scales move as well, and by MOST times at most; one that is next to nothing beside what is stated goes out. A
+        slip that is not in comes in, all the way, where its score stands out by more than `chance` deviations of the
+        draws."""
         if not self.rows:
             return theta
         drawn = self.squares[:, 1:]
@@ -57,5 +58,6 @@ class Scores:
         pace = beyond / np.maximum(spread**2, 1e-300)
         begun = np.minimum(2.0 * pace, self.rows / np.maximum(self.stated, 1e-300))
         enters = beyond > ROUNDING * expected + chance * spread
-        moved = np.clip(theta + np.where(pace < 0.0, 2.0, 1.0) * pace, 0.0, theta * MOST)
-        return np.where(theta > 0.0, moved, np.where(enters, begun, 0.0))
+        moved = np.clip(theta + np.where(pace < 0.0, 2.0, 1.0) * pace, theta / MOST, theta * MOST)
+        least = self.rows / np.maximum(self.stated, 1e-300) / MOST**2
+        return np.where(theta > 0.0, np.where(moved > least, moved, 0.0), np.where(enters, begun, 0.0))
