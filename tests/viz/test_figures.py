@@ -64,6 +64,20 @@ def test_a_map_says_what_it_shows(scene: Scene) -> None:
         assert word in written
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_weakest_direction_is_drawn_to_both_sides_where_there_is_one(scene_of, dim: int) -> None:
+    """As lines about the places that it moves, all longer by one number that the legend tells."""
+    scene = scene_of(dim)
+    assert "weakest" not in texts(draw_map(scene))
+    places = scene.map.all_values.positions(scene.map.trajectory_keys(2)[::5], dim)
+    moved = np.full_like(places, 0.01)
+    weak = replace(scene, weak=(places, moved))
+    lines, times = weak.weakest(dim)
+    np.testing.assert_allclose(lines.mean(1), places, atol=1e-12)
+    np.testing.assert_allclose(lines[:, 1] - lines[:, 0], 2 * times * moved, atol=1e-12)
+    assert f"weakest, ± 1 sigma,\ndrawn {times} times longer" in texts(draw_map(weak)) and times > 1
+
+
 def test_a_map_without_truth_or_covariances_does_not_claim_them(scene: Scene) -> None:
     """Nothing is named that is not drawn."""
     bare = Scene(scene.map, method="full")

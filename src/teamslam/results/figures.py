@@ -106,6 +106,7 @@ def scene_of(record: Record, number: int) -> Scene:
         truth=None if record.truth is None else truth_by_team(submap, record.truth),
         sightings=record.sightings,
         second=_second_places(record, number),
+        weak=_weakest(record, number),
         method=record.method,
         title=headline(record, number),
         caption=errors_line(record.report["parts"][number]),
@@ -118,6 +119,13 @@ def _second_places(record: Record, number: int) -> dict[int, Array]:
     keys = {submap.names.landmark(int(index_of(key))): key for key in submap.landmark_keys.tolist()}
     found = record.report["parts"][number].get("second_places", [])
     return {keys[two["landmark"]]: np.array(two["position_m"]) for two in found if two["landmark"] in keys}
+
+
+def _weakest(record: Record, number: int) -> tuple[Array, Array] | None:
+    """Where the weakest direction of a part moves it, and by how much; None where no direction stands out."""
+    found = (record.report.get("weak") or [None] * (number + 1))[number]
+    arrows = [d for d in (found or {}).get("directions", ()) if d.get("places_m")]
+    return (np.array(arrows[0]["places_m"]), np.array(arrows[0]["moved_m"])) if arrows else None
 
 
 def regions_of(submap: Submap, covariances: Covariances) -> dict[int, Array]:

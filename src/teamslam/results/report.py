@@ -62,11 +62,12 @@ Its fields:
                                    null where nobody looked
     weak                           of each component what it does not know: `open`, what hangs loose; the weakest
                                    `directions`, each with its standard deviation `sigma` in a `unit` (rad of a turn, m
-                                   of a shift); `place_m` and `heading_rad`, how well all else is known; each in a
-                                   `sentence`; where something is open or weak, the `sightings` that would firm it up
-                                   most, each with its `gain` in nats of all that is unknown, how many ways it `ties`
-                                   that hang loose, and the sigmas of the directions `before` and `after` it; null
-                                   where the measurements do not determine the map
+                                   of a shift), some `places_m` of the part that moves, and by how much one sigma
+                                   moves these (`moved_m`); `place_m` and `heading_rad`, how well all else is known;
+                                   each in a `sentence`; where something is open or weak, the `sightings` that would
+                                   firm it up most, each with its `gain` in nats of all that is unknown, how many
+                                   ways it `ties` that hang loose, and the sigmas of the directions `before` and `after`
+                                   it; null where the measurements do not determine the map
     remarks                        what is in a map though something is to be known of it, in words
     ambiguities                    other ways to put the submaps together that fit nearly as well (a mirrored truss)
     robot_position_rmse_m, landmark_rmse_m, nees_per_dof      against the truth, after one alignment of the whole team;
@@ -92,6 +93,8 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 from teamslam.joining import Component, Cost
 from teamslam.metrics import Report, told_of
 from teamslam.model import Dataset, LeftOut, index_of, is_landmark, robot_of
@@ -100,12 +103,13 @@ from teamslam.results.suspects import suspicions_of, wrong_of
 from teamslam.trust import Verdict, sentence
 from teamslam.trust.calibration import sentences
 from teamslam.trust.unknowns import sentences_of
-from teamslam.trust.weak import Weak
+from teamslam.trust.weak import Direction, Weak
 from teamslam.trust.weak.sightings import Sighting
 
 UNDETERMINED = "unknown: the measurements themselves do not determine every variable where the join ended"
 ALONE = "One submap, nothing to join."
 PACKAGES = ("teamslam", "numpy", "scipy")
+MOST_ARROWS = 24  # of a weak direction
 
 
 def report_of(result: Result) -> dict[str, Any]:
@@ -207,7 +211,9 @@ def _weak(weak: Weak, looks: Sequence[Sighting]) -> dict[str, Any]:
     """What a map does not know, what it knows least, and which sightings would firm it up."""
     return {
         "open": [{"ways": f.ways, "sentence": said} for f, said in zip(weak.open, weak.open_sentences, strict=True)],
-        "directions": [{"sigma": d.sigma, "unit": d.unit, "sentence": d.sentence} for d in weak.directions],
+        "directions": [
+            {"sigma": d.sigma, "unit": d.unit, "sentence": d.sentence, **_arrows(weak, d)} for d in weak.directions
+        ],
         "place_m": weak.least.place_m,
         "heading_rad": weak.least.heading_rad,
         "sightings": [
@@ -225,6 +231,13 @@ def _weak(weak: Weak, looks: Sequence[Sighting]) -> dict[str, Any]:
         ],
         "sentence": weak.rest,
     }
+
+
+def _arrows(weak: Weak, direction: Direction) -> dict[str, Any]:
+    """Some places of the part that a weak direction moves, and by how much one sigma of it does."""
+    part = np.flatnonzero(direction.part)
+    places = weak.known.motions.places[part[:: -(-len(part) // MOST_ARROWS)]]
+    return {"places_m": places.tolist(), "moved_m": direction.moved(places).tolist()}
 
 
 def _fit(found: Verdict) -> dict[str, Any]:

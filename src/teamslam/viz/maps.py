@@ -19,7 +19,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.model import WORLD
 from teamslam.viz.frame import between, legend_beside, panel
-from teamslam.viz.marks import MOST_SIGHTINGS, draw_landmarks, draw_sightings, explain
+from teamslam.viz.marks import MOST_SIGHTINGS, draw_landmarks, draw_sightings, draw_weakest, explain
 from teamslam.viz.scene import CONFIDENCE, Scene, shape_of
 from teamslam.viz.sides import Side, turned
 from teamslam.viz.style import INK, LANDMARK_COLOUR, METHOD_NAMES, TRUTH_COLOUR, name, plain, robot_colour, styled
@@ -123,6 +123,7 @@ def plan_axes(axes: "Axes", scene: Scene) -> None:
         draw_regions(axes, scene, scene.map.trajectory_keys(robot)[:1], colour)
     draw_regions(axes, scene, scene.map.landmark_keys, LANDMARK_COLOUR)
     draw_landmarks(axes, scene, 2)
+    draw_weakest(axes, scene, 2)
     explain(axes, scene, 2)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.viz.scene import CONFIDENCE, Scene
-from teamslam.viz.style import INK, LANDMARK_COLOUR, QUIET, TRUTH_COLOUR, name
+from teamslam.viz.style import INK, LANDMARK_COLOUR, QUIET, TRUTH_COLOUR, WEAK_COLOUR, name
 
 MOST_SIGHTINGS = 120  # lines drawn: more are thinned evenly, as they would hide the map
 MOST_LABELS = 40  # landmarks named: more would write over each other
@@ -45,6 +45,15 @@ def draw_landmarks(axes: Any, scene: Scene, dim: int) -> None:
         for key, place in zip(keys, places, strict=True):
             axes.annotate(name(scene.map.names.landmark(int(key))), place, xytext=(7, 6), textcoords="offset points",
                           fontsize=7.5, color=LANDMARK_COLOUR, zorder=9)  # fmt: skip
+
+
+def draw_weakest(axes: Any, scene: Scene, dim: int) -> None:
+    """The weakest direction of the map: lines on the part that it moves, one sigma to either side."""
+    lines, times = scene.weakest(dim)
+    if len(lines):
+        broken = np.concatenate([lines, np.full((len(lines), 1, dim), np.nan)], 1).reshape(-1, dim)
+        longer = f",\ndrawn {times} times longer" if times > 1 else ""
+        axes.plot(*broken.T, color=WEAK_COLOUR, lw=1.6, zorder=5, label=f"weakest, ± 1 sigma{longer}")
 
 
 def explain(axes: Any, scene: Scene, dim: int) -> None:

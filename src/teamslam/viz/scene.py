@@ -19,6 +19,7 @@ class Scene:
     `map`: the estimate. `covariances`: marginal covariance of a variable by key, in the frame of the map, any subset.
     `truth`: values in the frame of the map, any subset. `sightings` (n, 2): pairs of pose keys, observer and observed.
     `method` as in the options; `caption`: a line of figures under the title. `second`: where else landmarks could be.
+    `weak`: places (n, d) of the part that the map's weakest direction moves, and how one sigma of it moves them.
     """
 
     map: Submap
@@ -29,6 +30,7 @@ class Scene:
     title: str = ""
     caption: str = ""
     second: Mapping[int, Array] = field(default_factory=dict)
+    weak: tuple[Array, Array] | None = None
 
     @property
     def robots(self) -> tuple[int, ...]:
@@ -81,6 +83,16 @@ class Scene:
             if key in self.second:
                 found[n] = np.pad(self.second[key], (0, 3 - len(self.second[key])))
         return found
+
+    def weakest(self, dim: int) -> tuple[Array, int]:
+        """Lines (n, 2, dim) from one sigma of the weakest direction to the other side, and how many times longer than
+        they are, for the eye to find them."""
+        if self.weak is None:
+            return np.zeros((0, 2, dim)), 1
+        places, moved = (np.pad(part, ((0, 0), (0, 1)))[:, :dim] for part in self.weak)
+        longest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
+        times = next((k for k in FACTORS if 0.0 < k * longest <= 0.04 * self.extent(dim)), 1)
+        return np.stack([places - times * moved, places + times * moved], 1), times
 
     def extent(self, dim: int) -> float:
         """The longest side of the map [m]."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from teamslam.geometry import Array
 from teamslam.viz.frame import pen_of
-from teamslam.viz.marks import draw_landmarks, draw_sightings, explain
+from teamslam.viz.marks import draw_landmarks, draw_sightings, draw_weakest, explain
 from teamslam.viz.scene import Scene, shape_of
 from teamslam.viz.style import LANDMARK_COLOUR, TRUTH_COLOUR, name, robot_colour
 
@@ -26,6 +26,7 @@ def space_axes(axes: Any, scene: Scene) -> None:
         axes.plot(*path[:1].T, ls="none", marker="o", ms=5, color=colour, mec="white", mew=0.6)
         axes.plot(*path[-1:].T, ls="none", marker="s", ms=4.5, color=colour, mec="white", mew=0.6)
     draw_landmarks(axes, scene, 3)
+    draw_weakest(axes, scene, 3)
     wires = region_wires(*scene.regions(scene.map.landmark_keys, 3), scene.magnification(3))
     axes.plot(*wires.T, color=LANDMARK_COLOUR, lw=0.35, alpha=0.6)
     explain(axes, scene, 3)

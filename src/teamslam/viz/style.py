@@ -25,6 +25,7 @@ T = TypeVar("T")
 ROBOT_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "h")
 LANDMARK_COLOUR = "#7A1F5C"
 TRUTH_COLOUR = "#3A3A3A"
+WEAK_COLOUR = "#B8860B"
 QUIET = "#9A9A9A"
 INK = "#333333"
 METHOD_COLOURS = {"join": "#D55E00", "full": "#0072B2"}

@@ -98,6 +98,19 @@ def test_the_function_of_a_hinge_measures_its_turn(world: str, seed: int) -> Non
     np.testing.assert_allclose(hinge.function @ known.frame, 0.0, atol=1e-9)
 
 
+@settings(max_examples=20)
+@given(world=worlds, seed=seeds)
+def test_the_part_of_a_direction_moves_as_its_hinge_turns(world: str, seed: int) -> None:
+    """To first order: places of the part, turned by a little, are where `moved` says."""
+    log = tied_by_heading(two_halves(world, 1, seed=seed), 0.2)
+    weak = weakest_of(knowledge_from(log.tables, log.truth, log.names))
+    direction, before = weak.directions[0], weak.known.motions.places[weak.directions[0].part]
+    keys = log.truth.layout.keys[direction.part]
+    after = turned(log.truth, direction.part, direction.hinge.at, 1e-6 * direction.hinge.axis)
+    apart = (after.positions(keys, before.shape[1]) - log.truth.positions(keys, before.shape[1])) / 1e-6
+    np.testing.assert_allclose(direction.moved(before) / direction.sigma, apart, atol=1e-4)
+
+
 @pytest.mark.parametrize("world", WORLDS)
 def test_with_what_was_said_known_nothing_is_known_less_well(world: str) -> None:
     """The closing figure, against the dense covariance."""

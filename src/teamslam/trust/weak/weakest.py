@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import in_words
-from teamslam.geometry import Array, BoolArray
+from teamslam.geometry import Array, BoolArray, rotations
 from teamslam.model import Submap
 from teamslam.trust.weak.directions import Conditioned, Least
 from teamslam.trust.weak.freedoms import Freedom, freedoms
@@ -44,6 +44,13 @@ class Direction:
 
     def __repr__(self) -> str:
         return f"Direction({in_words(self.sentence)})"
+
+    def moved(self, places: Array) -> Array:
+        """By how much places (n, d) of the part move with one sigma of it, to first order, (n, d) [m]."""
+        if self.hinge.kind == "shift":
+            return np.broadcast_to(self.sigma * self.hinge.axis, places.shape)
+        turn = rotations(places.shape[-1]).hat(self.sigma * self.hinge.axis)
+        return np.asarray((places - self.hinge.at) @ turn.T)
 
     @property
     def unit(self) -> str:
