@@ -1,7 +1,7 @@
 """Robots and names that lie, found: how often, and how often honest teams are accused.
 
     python benchmarks/liars.py [--teams 50] [--honest 100] [--first-seed 0] [--out docs/benchmarks/liars.md]
-    python benchmarks/liars.py --pairs LOG [--first-seed 0]
+    python benchmarks/liars.py --pairs LOG [--first-seed 0] [--every 1] [--out docs/benchmarks/liars.md]
 
 Simulated teams of 4 robots, 60 poses each, 30 landmarks, in the plane, on the ground among landmarks in space, and in
 space. Planted is one fault a team: a robot whose lengths are all 1.1 times too long, one whose landmarks are made up,
@@ -11,7 +11,7 @@ exactly the fault is named. `in part`: the fault is named, and said to be as lik
 is, with another reason; or robots are said to contradict each other with nobody named. `unchecked`: nothing is said of
 a robot that shares fewer than three landmarks with the others, and neither sees a robot nor is seen: nobody can know.
 `wrong`: an innocent robot or name is accused. With --pairs, of a log every pair of landmarks is exchanged once, by a
-robot drawn at random.
+robot drawn at random (or every so many-th pair), and --out appends what was told to the page.
 """
 
 import argparse
@@ -156,8 +156,8 @@ def table(teams: int, clean: int, first: int) -> Iterator[str]:
             yield f"| {space} | {name} | {count} | {counts} |"
 
 
-def pairs(path: Path, first: int) -> Iterator[str]:
-    """Of one log, every pair exchanged once."""
+def pairs(path: Path, first: int, every: int) -> Iterator[str]:
+    """Of one log, every pair exchanged once, or every so many-th."""
     log = teamslam.read(path)
     assert isinstance(log, Dataset)
     submaps = submaps_of(log)
@@ -165,7 +165,7 @@ def pairs(path: Path, first: int) -> Iterator[str]:
     yield f"as it is: {list(clean.sentences()) or 'nothing suspicious'}"
     told: Counter[str] = Counter()
     rng = np.random.default_rng(first)
-    for one, other in itertools.combinations(log.landmark_keys.tolist(), 2):
+    for one, other in list(itertools.combinations(log.landmark_keys.tolist(), 2))[::every]:
         robot = int(rng.choice(list(log.robots)))
         names = {one: other, other: one}
         lie = [renamed(submap, names) if robot in submap.robots else submap for submap in submaps]
@@ -181,15 +181,29 @@ def main() -> None:
     parser.add_argument("--honest", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--pairs", type=Path)
+    parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     lines = []
-    rows = pairs(given.pairs, given.first_seed) if given.pairs else table(given.teams, given.honest, given.first_seed)
+    rows = (
+        pairs(given.pairs, given.first_seed, given.every)
+        if given.pairs
+        else table(given.teams, given.honest, given.first_seed)
+    )
     for line in rows:
         lines.append(line)
         print(line, flush=True)
-    if given.out:
+    if given.out and given.pairs:
+        with given.out.open("a", encoding="utf-8") as file:
+            file.write(section(lines, given))
+    elif given.out:
         given.out.write_text(page(lines, given), encoding="utf-8")
+
+
+def section(lines: Sequence[str], given: argparse.Namespace) -> str:
+    """What the page of the documentation says of a log's pairs."""
+    how = f"python benchmarks/liars.py --pairs {given.pairs.name} --first-seed {given.first_seed} --every {given.every}"
+    return f"\n## Pairs of {given.pairs.name}, exchanged\n\nMeasured by `{how}`.\n\n- {lines[0]}\n- {lines[-1]}\n"
 
 
 def page(lines: Sequence[str], given: argparse.Namespace) -> str:

@@ -1,5 +1,7 @@
 """Landmarks that fit at two places: nobody commits to one of them before the team has spoken."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -10,7 +12,7 @@ from strategies import generators
 from teamslam.geometry import Array, Pose
 from teamslam.joining import build, exact_join, full, join, split
 from teamslam.joining.start.twofold import RULED_OUT, twofold
-from teamslam.model import Dataset, Kind, Table, Values, landmark_key, pack, pose_key
+from teamslam.model import Dataset, Kind, Loss, Table, Values, landmark_key, pack, pose_key
 
 SIGMA = 0.05
 
@@ -134,3 +136,21 @@ def test_a_second_place_is_where_a_search_ends(rng: np.random.Generator, n: int)
             if more < RULED_OUT:
                 ended = minimize(cost, there, method="Nelder-Mead", options=simplex)
                 assert ended.fun > cost(there) - 0.05, (there, ended.x)
+
+
+@settings(max_examples=10)
+@given(generators)
+def test_pits_that_losses_dig_are_no_two_places(rng: np.random.Generator) -> None:
+    """Bearings from two sides that contradict each other, under a loss that forgives: each pair of rays that meet is a
+    pit. Ranges of a drive round the landmark leave no mirror of it, and what they say is one place."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    way = Pose.from_xytheta(np.stack([4.0 * np.cos(turns), 4.0 * np.sin(turns), turns], 1))
+    mark = np.array([0.1, 0.2])
+    seen = ranges(1, way, 1, mark, rng)
+    seen = replace(seen, whitening=np.eye(1)[None] / 0.3)
+    at = (np.arctan2(*(way.inverse().act(mark + np.array([off, 0.0])).T[::-1])) for off in (0.0, 0.35))
+    first, second = at
+    rays = np.where(np.arange(8) % 2 == 0, first, second)[:, None]
+    bearings = replace(seen, model="bearing", values=rays, whitening=np.full((1, 1, 1), 1e4), loss=Loss("cauchy", 2.0))
+    values = Values.of({Kind.POSE2: (seen.keys[:, 0], way), Kind.POINT2: (landmark_key(np.array([1])), mark[None])})
+    assert not twofold(values, [seen, bearings])[0].keys.size

@@ -10,7 +10,7 @@ import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.start.triangulate import SAME, Bundle
-from teamslam.model import Kind, Table, Values, is_landmark, point_kind, pose_kind
+from teamslam.model import Kind, Loss, Table, Values, is_landmark, point_kind, pose_kind
 
 RULED_OUT = 16.0  # of cost: four sigmas; a place, or an assembly of a team, that costs more is not mentioned
 PLAUSIBLE = 25.0  # of cost for each sighting: poses that give way make more of it than this only if they bend far
@@ -18,7 +18,7 @@ SETTLED = 1e-4  # of cost: a place from which refinements of a few steps lead no
 REFINEMENTS = 50  # at most: along a valley that bends two proposals of one place are long apart
 NONE = np.zeros(0, np.int64)
 NEAR = 9.0  # of cost: a place within three sigmas of another is the same
-WALL = 2.25  # of cost: the pass between two mirrored places that are six sigmas apart; losses dig lesser pits
+WALL = 2.25  # of cost: the pass between two mirrored places that are six sigmas apart, by ranges alone and by all
 STEPS = 16  # from one place to another, between which that is looked for
 
 
@@ -71,10 +71,17 @@ def _of_kind(values: Values, marks: Sequence[Table], keys: IntArray, kind: Kind)
     more = np.where(far, costs - costs[0], np.inf)
     nearest, each = np.argmin(more, 0), np.arange(len(keys))
     others, more = places[nearest, each], more[nearest, each]
-    more = np.where(_walls(bundle, places[0], others) > WALL, more, np.inf)
+    ranges = Bundle.of([_unforgiving(t) for t in marks if t.model == "range"], values, keys, kind.dim)
+    between = np.minimum(*(_walls(of, places[0], others) for of in (bundle, ranges)))
+    more = np.where(between > WALL, more, np.inf)
     in_plane = _seen_in_plane(values, marks, keys, kind) & (np.abs(more) < SAME * (1.0 + costs[0]))
     found = Twofold(keys, others, more, bundle.seen, in_plane, ~bundle.holds(places[0], information[0]))
     return found.select((more < RULED_OUT + PLAUSIBLE * bundle.seen) | found.open)
+
+
+def _unforgiving(ranges: Table) -> Table:
+    """Ranges under a loss that digs no pits of its own: what is between two places then is their mirror, or nothing."""
+    return ranges if ranges.loss.name in ("squared", "huber") else ranges.with_loss(Loss("huber", ranges.loss.scale))
 
 
 def _walls(bundle: Bundle, here: Array, there: Array) -> Array:

@@ -65,14 +65,18 @@ def mislabelled(
     `joined`: their map, where it is known; it only saves time. `of`: the robots whose names are doubted; None: all.
     Law: with right names and noise as stated, or larger by one factor for all, nothing is found but at the rate LEVEL.
     Robots that know fewer than three landmarks in common with the others' cannot be judged, and one of whose names
-    more than a quarter would lie has other faults than names: of it nothing is said here.
+    more than a quarter would lie has other faults than names: of it nothing is said here; nor of a team whose landmarks
+    alone hold no map together (one seen in the plane by some, in space by others).
     """
     stars = constellations(submaps)
     near = point_of(joined.map) if joined is not None and len(joined.components) == 1 else None
     found: list[Finding] = []
     few = {robot: max(FEW, sum(len(own.landmark_keys) for own in parts) // 4) for robot, parts in stars.items()}
     while len(stars) > 1 and len(found) < MOST:
-        joined, near = _joined(stars, near), None
+        try:
+            joined, near = _joined(stars, near), None
+        except TeamslamError:
+            break  # what all rows together hold, landmarks alone may leave open: then these tell nothing
         best = _best(stars, joined, stars.keys() if of is None else stars.keys() & set(of))
         if best is None:
             break
