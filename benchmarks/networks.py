@@ -125,7 +125,7 @@ def may_leave(crew: Crew, robot: int) -> bool:
     """Whether a robot has no rows left, and some other holds all that it made."""
     said = crew.status(robot)
     own = {held for held in said.get("holds", ()) if held.startswith(f"{robot}/")}
-    return bool(said.get("parked") and own) and any(
+    return bool(said.get("parked") and not said["making"] and own) and any(
         own <= set(crew.status(other).get("holds", ())) for other in crew.processes if other != robot
     )
 

@@ -60,6 +60,7 @@ class Driver:
         while not self.leave():
             self.beat()
             sleep(BEAT_S)
+        self.member.round_off()
         self.beat()
         return True
 
@@ -87,8 +88,8 @@ class Driver:
             "parked": self.parked,
             "ended": self.leave(),
             "alive": [names.robot(number) for number in sorted(self.member.link.alive)],
-            "making": self.member.busy or self.member.rounds.busy,
-            "rounds": self.member.account,
+            "making": self.member.busy,
+            "rounds": self.member.account | {"busy": self.member.rounds.busy},
             "at": names.describe(now.key) if now is not None else None,
             "rows": {"taken": robot.counts.taken, "repeated": robot.counts.repeated, "late": robot.counts.late},
             "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries if not entry.knows],

@@ -56,6 +56,11 @@ class Member:
         self.peer = self.scribe.attend(self.peer.owning(self.mapper.finish(self.robot)))
         self.parked = True
 
+    def round_off(self) -> None:
+        """Before it leaves: messages that are still to be made are made at once."""
+        self.scribe = Scribe()
+        self.peer = self.scribe.attend(self.peer)
+
     def talk(self, now_s: float, between: Callable[[], None] = lambda: None, most: int = HEARD) -> None:
         """Hear (at most so many packets) and say what there is; `between` the two something may be done."""
         known = self.peer.known

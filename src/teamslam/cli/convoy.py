@@ -136,7 +136,7 @@ def convoy(
             if not parked:
                 quiet_since = time.monotonic()
             same = parked and len({s["root"] for s in status.values()}) == 1
-            same = same and not any(s["making"] for s in status.values())
+            same = same and not any(s["making"] or s["rounds"]["busy"] for s in status.values())
             if same or time.monotonic() - quiet_since > 60.0 or any(p.poll() is not None for p in processes.values()):
                 return {dataset.names.robot(number): s for number, s in status.items()}
     finally:

@@ -205,7 +205,7 @@ def report_of_folders(
         "maps_equal": len(set(bits.values())) == 1,
         "equal_to_offline": set(bits.values()) == {offline},
         "in_short": max(status.get("in_short", 0) for status in statuses.values()),
-        "rounds": next(iter(statuses.values())).get("rounds"),
+        "rounds": {what: next(iter(statuses.values()))["rounds"][what] for what in ("exactness", "why")},
         "components": len(first),
         **_scores(first[0] if first else None, log.truth),
         "online_position_rmse_m": _online([t for name in statuses for t in _told_in(out / name, log)], log.truth),
