@@ -12,7 +12,8 @@ from sightings import MARKS, OBSERVERS, OTHERS, SETTINGS, every_table, table_of,
 from strategies import batches, generators, random_poses
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, Pose
-from teamslam.model import Kind, Loss, Table, Values, pose_key, whitening
+from teamslam.model import MODELS, Kind, Loss, Model, Table, Values, pose_key, whitening
+from worlds import team
 
 KEYS = np.stack([OBSERVERS, MARKS], -1)
 
@@ -184,3 +185,13 @@ def test_a_loss_belongs_to_a_table_and_leaves_the_old_one_alone() -> None:
 
 def _joined(a: Pose, b: Pose) -> Pose:
     return Pose(np.concatenate([a.rotation, b.rotation]), np.concatenate([a.translation, b.translation]))
+
+
+def test_a_sensor_of_ones_own_that_predicts_another_shape_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = Model(lambda observer, target, dim: np.zeros(5), lambda z, h, dim: z - h, size=(1, 1), rows=(1, 1))
+    monkeypatch.setitem(MODELS, "loud", row)
+    seen = next(t for t in team("2d", poses=4).tables if t.source == "landmarks")
+    one = np.broadcast_to(np.eye(1), (len(seen), 1, 1))
+    loud = replace(seen, model="loud", values=seen.values[:, :1], whitening=one)
+    with pytest.raises(ModelError, match=r"loud\): what is predicted should have shape \(\d+, 1\).*found \(5,\)"):
+        loud.predict_from(Pose.identity(2, (len(seen),)), np.zeros((len(seen), 2)))

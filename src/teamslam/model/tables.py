@@ -148,7 +148,14 @@ class Table(Sealed):
         if observer is None:  # in the world it is the sensor that is measured: an antenna on its mast
             carried = lifted @ mount if self.sensor is not None and isinstance(lifted, Pose) else lifted
             return self.row.predict(Pose.identity(dim, (len(lifted),)), carried, self.dim, *given)
-        return self.row.predict(observer.lift(dim) @ mount, lifted, self.dim, *given)
+        found = self.row.predict(observer.lift(dim) @ mount, lifted, self.dim, *given)
+        wanted = (len(lifted), self.values.shape[-1])
+        if not self.row.native and not self.row.given and np.shape(found) != wanted:
+            raise ModelError(
+                f"{self.source} ({self.model}): what is predicted should have shape {wanted}, a row for each sighting "
+                f"and a number for each one measured; found {np.shape(found)}"
+            )
+        return found
 
     def predict(self, values: Values) -> Array:
         """What should have been measured, h (m, size), were `values` the truth (in the frame of `values`)."""
