@@ -6,9 +6,10 @@ the keyframe's instant (`frontend.tags.late`).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
@@ -18,7 +19,7 @@ from teamslam.frontend.way import moved
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
 from teamslam.geometry.resection import resect
 from teamslam.io.bags.seen import Seen, View
-from teamslam.io.bags.team_file import TeamFile
+from teamslam.io.bags.team_file import CameraEntry, TeamFile
 from teamslam.model import Loss, Table, landmark_key, landmark_number, pose_key
 
 SOURCES = ("landmarks", "robots")
@@ -76,6 +77,20 @@ class Part:
         seen = np.unique(self.carriers[self.carriers > 0]).tolist()
         return any(one[n - 1].clock != other[n - 1].clock for n in {self.number, *seen} if seen)
 
+    def differs_in_place(self, one: Sequence[Seen], other: Sequence[Seen]) -> bool:
+        """Whether nothing of its rows but the place of the camera may differ."""
+        here, there = (team[self.number - 1].views[self.camera] for team in (one, other))
+        placed = replace(there, entry=here.entry) if _placed(there.entry, here.entry) == here.entry else there
+        team = [*other]
+        team[self.number - 1] = replace(
+            other[self.number - 1], views=tuple(placed if v is there else v for v in other[self.number - 1].views)
+        )
+        return not self.differs(one, team)
+
+    def moved(self, table: Table, team: Sequence[Seen]) -> Table:
+        """Its rows by a camera elsewhere. How the camera moved while lines were read is as it was."""
+        return replace(table, sensor=team[self.number - 1].views[self.camera].entry.pose @ LOOKING)
+
     def standing(self, table: Table) -> Pose:
         """How carriers stood to the eye (m,) at the keyframes of its rows; rows that are not in the table: anyhow."""
         rays, points = (table.values[:, part].reshape(-1, 4, 3) for part in (slice(0, 12), slice(12, 24)))
@@ -83,6 +98,12 @@ class Part:
         rotation, translation = np.tile(np.eye(3), (len(self.ids), 1, 1)), np.tile([1.0, 0.0, 0.0], (len(self.ids), 1))
         rotation[rows], translation[rows] = found.rotation, found.translation
         return Pose(rotation, translation)
+
+
+def _placed(entry: CameraEntry, where: CameraEntry) -> CameraEntry:
+    """A camera where another is."""
+    place = {name: getattr(where, name) for name in ("xyz_m", "quaternion_wxyz", "rotation_vector")}
+    return structs.replace(entry, **place)
 
 
 def parts_of(robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray]) -> list[Part]:

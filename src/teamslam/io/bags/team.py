@@ -158,14 +158,18 @@ class Reading:
         """Those sightings of this log that would be others, were the unknowns."""
         now = team_with(self.used, file_with(self.recordings.file, self.recordings.stated, values))
         loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
-        return tuple(part.table(now, loss, standing) for part, standing in self._parts if part.differs(self.used, now))
+        return tuple(
+            part.moved(base, now) if part.differs_in_place(self.used, now) else part.table(now, loss, standing)
+            for part, base, standing in self._parts
+            if part.differs(self.used, now)
+        )
 
     @cached_property
-    def _parts(self) -> list[tuple[Part, Pose]]:
-        """The parts of all robots, and how what they saw stood to them."""
+    def _parts(self) -> list[tuple[Part, Table, Pose]]:
+        """The parts of all robots, their rows, and how what they saw stood to them."""
         loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
         parts = [part for robot in self.named for part in parts_of(robot, self.used, self.keyframes)]
-        return [(part, part.standing(part.table(self.used, loss))) for part in parts]
+        return [(part, base := part.table(self.used, loss), part.standing(base)) for part in parts]
 
 
 def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, IntArray]:
