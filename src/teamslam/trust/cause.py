@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "landmark")
+MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "landmark", "size")
 """The kinds of causes that are mistakes in a log; others ('sigma', 'outliers') are noise that was stated wrongly."""
 
 

@@ -2,6 +2,7 @@
 
     each robot by itself      slips in its odometry or its sightings, its clock              `alone`
     the robots together       slips in sightings of robots, whole robots, robots' clocks     `between`
+    tags                      of another size than stated                                    `sizes`
     landmarks                 in two places                                                  `places`
 
 Each later step looks at what the ones before leave; a mistake of a table bends the map so much that what it says of
@@ -23,6 +24,7 @@ from teamslam.trust.cause import Cause, rows_called
 from teamslam.trust.causes.alone import SURE, Found, Mistake, mistake_of
 from teamslam.trust.causes.between import FITS, may_disagree, mistakes_between
 from teamslam.trust.causes.places import two_places
+from teamslam.trust.causes.sizes import wrong_sizes
 from teamslam.trust.causes.stretches import busiest
 from teamslam.trust.causes.trial import Trial
 from teamslam.trust.residuals import Residuals, Rows
@@ -37,11 +39,15 @@ UNCERTAIN = 0.3  # of the cost of a row, by what is not known of its leverage
 def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals]) -> list[Cause]:
     """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map."""
     rows = [row for part in parts for row in part.rows]
+    both = list(zip(joined.components, parts, strict=True))
+    costly = _bad(by_landmark(rows), BAD_LANDMARK)
+    sizes = [cause for component, part in both if costly for cause in wrong_sizes(log, component.map, part.rows)]
+    if sizes:
+        return sizes
     bad = _bad(by_sensor(rows)[0], BAD_SENSOR)
     found = mistakes_of_tables(log, rows) if bad else []
-    if found or not _bad(by_landmark(rows), BAD_LANDMARK):
+    if found or not costly:
         return found
-    both = zip(joined.components, parts, strict=True)
     return [cause for component, part in both for cause in two_places(log, component.map, part.rows, all_of_it=bad)]
 
 

@@ -1,0 +1,108 @@
+"""Tags of which the size is stated wrongly: larger or smaller than it is, their poses come out too far or too near.
+
+Each landmark that costs too much and is seen by the corners of one tag is placed again with its corners nearer to its
+middle or farther from it, the rest of the map held, over a grid of sizes; the best of them is tried on the whole map,
+which such a tag bends, and made finer there. A size is told where that takes away most of the landmark's excess.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from teamslam.errors import TeamslamError
+from teamslam.geometry import IntArray
+from teamslam.joining.exact.gap import frame_of, point_of
+from teamslam.model import Dataset, Submap, Table, Values, index_of
+from teamslam.solver import Options, System, firm, optimise
+from teamslam.trust.cause import Cause
+from teamslam.trust.residuals import Rows
+from teamslam.trust.tally import by_landmark
+
+SUSPECT, EXCESS = 3.0, 50.0  # times the expected cost, and how much above it, from which a landmark is looked at
+FARTHEST, STEP = 1.0, 0.03  # of the logarithm of a size, and of its grid
+AROUND, FINER = 0.1, 12  # how far the best on the grid may be off on the whole map, and trials there
+LEAST = 0.02  # of a size: what is nearer is another fault
+EXPLAINED = 0.8  # of the landmark's excess
+MOST = 5  # landmarks
+QUICK = Options(max_iterations=15, decrement=0.1)
+
+
+def wrong_sizes(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause]:
+    """The tags of a map whose size is stated wrongly, in words; `rows` are the residuals at it."""
+    tally = by_landmark(rows)
+    due = np.maximum(tally.expected, 1.0)
+    excess = tally.cost - due
+    bad = np.flatnonzero((excess > EXCESS) & (tally.cost > SUSPECT * due))
+    values = point_of(joined)
+    tables = [t.select(t.told_by(values.layout)) for t in log.tables]
+    found: list[Cause] = []
+    for k in bad[np.argsort(-excess[bad])][:MOST].tolist():
+        mark = int(tally.labels[k])
+        edge = _edge(_of(mark, tables))
+        if edge is None:
+            continue
+        size, after = _best(tables, values, mark, frame_of(joined))
+        gone = (_cost(tables, values) - after) / excess[k]
+        if abs(size) > LEAST and gone > EXPLAINED:
+            tag, robots = log.names.landmark(int(index_of(mark))), {t.robot for t in _of(mark, tables)}
+            said = (
+                f"the size of tag {tag} is wrong: {edge:.3f} m is stated, and it fits with {edge * np.exp(size):.3f} m"
+            )
+            found.append(Cause("size", said, min(gone, 1.0), tuple(sorted(robots))))
+    return found
+
+
+def _best(tables: Sequence[Table], values: Values, mark: int, frame: IntArray) -> tuple[float, float]:
+    """By what factor (its logarithm) a tag's size fits best, and what the whole map costs then."""
+    grid = np.arange(-FARTHEST, FARTHEST, STEP)
+    mine = _of(mark, tables)
+    keys = np.unique(np.concatenate([t.keys.ravel() for t in mine]))
+    alone = [_cost(*_solved([_resized(t, mark, s) for t in mine], values.only(keys), keys[keys != mark])) for s in grid]
+    start = float(grid[int(np.argmin(alone))])
+
+    def whole(size: float) -> float:
+        return _cost(*_solved([_resized(t, mark, size) for t in tables], values, frame))
+
+    fit = minimize_scalar(whole, bounds=(start - AROUND, start + AROUND), method="bounded", options={"maxiter": FINER})
+    return float(fit.x), float(fit.fun)
+
+
+def _of(mark: int, tables: Sequence[Table]) -> list[Table]:
+    """The rows of corners on a landmark."""
+    return [part for t in tables if t.model == "corners" and len(part := t.select(t.keys[:, -1] == mark))]
+
+
+def _edge(mine: Sequence[Table]) -> float | None:
+    """The edge of the one square that all rows see [m]; None where they see others, or none."""
+    if not mine:
+        return None
+    corners = np.concatenate([t.values[:, 12:24] for t in mine])
+    if not np.allclose(corners, corners[0]):
+        return None
+    return float(np.linalg.norm(corners[0, 3:6] - corners[0, :3]))
+
+
+def _solved(tables: Sequence[Table], values: Values, fixed: IntArray) -> tuple[Sequence[Table], Values]:
+    """The tables, and the map that fits them best; the one at hand where that cannot be solved."""
+    try:
+        system = System(values.layout, tables=tables, fixed=fixed)
+        return tables, firm(system, optimise(system, values, QUICK)).values
+    except TeamslamError:
+        return tables, values
+
+
+def _cost(tables: Sequence[Table], values: Values) -> float:
+    return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in tables if len(t))
+
+
+def _resized(table: Table, mark: int, size: float) -> Table:
+    """A table with the corners on one landmark so much (a logarithm) farther from their middle."""
+    if table.model != "corners":
+        return table
+    corners = table.values[:, 12:24].reshape(-1, 4, 3)
+    middle = corners.mean(1, keepdims=True)
+    far = np.where(table.keys[:, -1] == mark, np.exp(size), 1.0)[:, None, None]
+    out = (middle + far * (corners - middle)).reshape(-1, 12)
+    return replace(table, values=np.concatenate([table.values[:, :12], out], -1))
