@@ -6,6 +6,9 @@
 # Both set up what they need in .venv first; after that they start at once. Also: make check, make docs, make picture,
 # make clean.
 
+# Processes that tests start find compiled modules, also where somebody's environment says not to keep them.
+unexport PYTHONDONTWRITEBYTECODE
+
 PYTHON ?= python3
 WORKERS ?= auto
 VENV := .venv

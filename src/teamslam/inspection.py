@@ -243,16 +243,11 @@ def _apart(dataset: Dataset, groups: Sequence[tuple[int, ...]], group: tuple[int
     shared += [f"{seen} sighting{'s' * (seen != 1)} of each other"] if seen else []
     planar = all(dataset.robots[robot] == 2 for robot in dataset.robots)
     need = "two common landmarks" if planar else "three common landmarks"
-    who, first = (_named_robots(dataset.names, robots) for robots in (group, groups[0]))
+    who, first = map(dataset.names.these, (group, groups[0]))
     return (
         f"{who} cannot be joined to {first}: {' and '.join(shared) or 'nothing in common'}; "
         f"{need}, or one sighting of a robot's pose, would join them"
     )
-
-
-def _named_robots(names: Names, robots: Sequence[int]) -> str:
-    *some, last = [names.robot(robot) for robot in robots]
-    return f"robots {', '.join(some)} and {last}" if some else f"robot {last}"
 
 
 def _robot_hints(dataset: Dataset, robot: int) -> Iterator[str]:

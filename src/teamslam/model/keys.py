@@ -131,6 +131,11 @@ class Names:
         """What people call a robot."""
         return self.robots.get(int(number), str(int(number)))
 
+    def these(self, numbers: Iterable[int]) -> str:
+        """Robots in words: 'robot red', 'robots red, green and blue'; of none: 'no robot'."""
+        *others, last = [self.robot(number) for number in numbers] or [""]
+        return f"robots {', '.join(others)} and {last}" if others else f"robot {last}" if last else "no robot"
+
     def landmark(self, number: int) -> str:
         """What people call a landmark."""
         return self.landmarks.get(int(number), str(int(number)))

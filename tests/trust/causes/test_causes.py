@@ -16,6 +16,7 @@ from teamslam.model import Dataset, Loss, Table
 from teamslam.pipeline import run
 from teamslam.sim import PRESETS, Options, simulate
 from teamslam.trust import Verdict, explained, sentence, verdict
+from thinned import thinned
 
 SPACES = ("2d", "planar", "3d")
 ALL = (1, 2, 3)
@@ -56,9 +57,7 @@ PLANTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("robots", [(1,), ALL], ids=["one", "all"])
-@pytest.mark.parametrize("name", PLANTS)
-@pytest.mark.parametrize("preset", SPACES)
+@pytest.mark.parametrize(("preset", "name", "robots"), thinned(3, SPACES, [*PLANTS], [(1,), ALL]))
 def test_slips_of_tables_are_named(preset: str, name: str, robots: tuple[int, ...]) -> None:
     """The sensor, whose it is, and what is wrong with it; and nobody else is accused."""
     plant = PLANTS[name]
@@ -99,9 +98,7 @@ def test_a_log_that_can_hardly_be_solved_says_what_it_looks_like(fault: faults.F
         assert found.gross and [cause for cause in found.causes if re.match(looks, cause.sentence)]
 
 
-@pytest.mark.parametrize("steps", [1, -1])
-@pytest.mark.parametrize("robots", [(1,), ALL], ids=["one", "all"])
-@pytest.mark.parametrize("preset", SPACES)
+@pytest.mark.parametrize(("preset", "robots", "steps"), thinned(2, SPACES, [(1,), ALL], [1, -1]))
 def test_sightings_by_another_clock(preset: str, robots: tuple[int, ...], steps: int) -> None:
     """One pose later or earlier, which is a second, found to a tenth."""
     log = world(preset)
@@ -113,8 +110,9 @@ def test_sightings_by_another_clock(preset: str, robots: tuple[int, ...], steps:
     assert all(abs(amount - 1.0) < 0.1 for amount in amounts[-2 if "to" in said.split(" s ")[0] else -1 :])
 
 
-@pytest.mark.parametrize("name", ["turns", "inverse", "millimetres", "axes"])
-@pytest.mark.parametrize("preset", [*SPACES, "mixed"])
+@pytest.mark.parametrize(
+    ("preset", "name"), thinned(2, [*SPACES, "mixed"], ["turns", "inverse", "millimetres", "axes"])
+)
 def test_slips_in_sightings_of_robots(preset: str, name: str) -> None:
     """They show only between robots."""
     fault, words = {

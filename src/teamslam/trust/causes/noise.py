@@ -37,13 +37,14 @@ Parts = Sequence[tuple[Noise, float]]
 
 
 def _sigma(source: str, small: Parts, excess: float, names: Names) -> Cause:
-    said = f"the sigma of {_parts(small)} in {rows_called(source)} by {_robots(small, names)} looks"
+    said = f"the sigma of {_parts(small)} in {rows_called(source)} by {names.these(_numbers(small))} looks"
     scales = sorted(n.scale for n, _ in small)
     return Cause("sigma", f"{said} {_range(scales, '.1f')} times too small", _share(small, excess), _numbers(small))
 
 
 def _outliers(source: str, wild: Parts, excess: float, names: Names, cure: str) -> Cause:
-    said = f"{_range(sorted(n.outliers for n, _ in wild), '.0%')} of {rows_called(source)} by {_robots(wild, names)}"
+    shares = _range(sorted(n.outliers for n, _ in wild), ".0%")
+    said = f"{shares} of {rows_called(source)} by {names.these(_numbers(wild))}"
     return Cause("outliers", f"{said} are outliers in {_parts(wild)}{cure}", _share(wild, excess), _numbers(wild))
 
 
@@ -53,11 +54,6 @@ def _share(parts: Parts, excess: float) -> float:
 
 def _numbers(parts: Parts) -> tuple[int, ...]:
     return tuple(sorted({n.robot for n, _ in parts}))
-
-
-def _robots(parts: Parts, names: Names) -> str:
-    words = [names.robot(robot) for robot in _numbers(parts)]
-    return f"robot {words[0]}" if len(words) == 1 else f"robots {', '.join(words[:-1])} and {words[-1]}"
 
 
 def _parts(parts: Parts) -> str:

@@ -152,8 +152,7 @@ def _said(same: Sequence[Mistake], log: Dataset) -> str:
 def _robots(robots: Sequence[int], log: Dataset) -> str:
     if len(robots) > 1 and set(robots) == set(log.robots):
         return "all robots"
-    words = [log.names.robot(robot) for robot in robots]
-    return f"robot {words[0]}" if len(words) == 1 else f"robots {', '.join(words[:-1])} and {words[-1]}"
+    return log.names.these(robots)
 
 
 def _what(mistake: Mistake) -> str:
