@@ -18,6 +18,13 @@ CURED = {
 }
 
 
-@pytest.mark.parametrize("seed", CURED, ids=lambda seed: f"{seed} {CURED[seed].split(':')[0]}")
+SLOW = {9000059}
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(seed, marks=pytest.mark.slow if seed in SLOW else []) for seed in CURED],
+    ids=lambda seed: f"{seed} {CURED[seed].split(':')[0]}",
+)
 def test_it_holds(seed: int) -> None:
     assert judge(seed).findings.failures == []

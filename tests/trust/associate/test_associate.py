@@ -16,6 +16,7 @@ from teamslam.sim import Options, Robot, Sensor, World, observe, simulate
 from teamslam.trust.associate import Associated, associate
 from teamslam.trust.associate.across import Constellation, motions
 from teamslam.trust.associate.cooling import cooled
+from thinned import thinned
 
 ALONE = Robot(robots=None)  # sees no other robot
 
@@ -54,8 +55,7 @@ def small(space: str, robots: Robot = ALONE, **more: object) -> Options:
     return Options(space=space, robots=2, poses=25, landmarks=12, team=(robots,), side_m=9.0, **more)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("space", ["2d", "planar", "3d"])
+@pytest.mark.parametrize(("space", "seed"), thinned(2, ["2d", "planar", "3d"], [1, 2]))
 def test_names_are_found_out(space: str, seed: int) -> None:
     """Within each way and across ways that nothing but their constellations ties."""
     log = simulate(small(space), seed=seed)

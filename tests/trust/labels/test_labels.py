@@ -156,7 +156,7 @@ def planted_pairs(path: Path, pairs: int) -> tuple[list[Finding], list[tuple[tup
     return mislabelled(submaps), found
 
 
-@pytest.mark.parametrize("name", [6, 9])
+@pytest.mark.parametrize("name", [6, pytest.param(9, marks=pytest.mark.slow)])
 def test_real_teams(data: Callable[[str], Path], name: int) -> None:
     clean, planted = planted_pairs(data(f"mrclam_{name}"), 5)
     assert clean == []
