@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 class Unknown:
     """A number that a log rests on: of what it is (a robot, a camera of it), its `name` and `unit`, the value `stated`
     with its standard deviation `prior`, and a `step` small enough for rows to change in proportion; `most`: how far at
-    once it may be moved before the rows are made again. `useful`: of a number that nobody called uncertain, how well
-    the rows must tell it to be moved at all, a standard deviation; 0: it is always moved, as its prior allows.
+    once it may be moved before the rows are made again. `useful`: of a number that nobody called uncertain, which
+    is moved only where rows contradict it, how well they must tell it to be said to confirm it, a standard deviation;
+    0: it is always moved, as its prior allows.
     `clock_of`: the robot by how much whose stamps are late it is; 0: it is no clock's offset."""
 
     of: str

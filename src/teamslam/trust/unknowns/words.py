@@ -16,7 +16,9 @@ def sentences_of(settled: Settled) -> list[str]:
 def _sentence(found: Found) -> str:
     of, name = found.unknown.of, found.unknown.name
     if not found.told:
-        known = f"the recording does not tell it (+- {_number(found, found.sigma)})"
+        fits = found.sigma <= found.unknown.useful
+        says = "does not contradict it" if fits else "does not tell it"
+        known = f"the recording {says} (+- {_number(found, found.sigma)})"
         return f"{of}: {name} is as stated, {_number(found, found.value)}; {known}."
     change = (found.value - found.unknown.stated) / max(found.sigma, 1e-300)
     as_stated = f"; stated {_number(found, found.unknown.stated)}, {abs(change):.1f} sigma away"
