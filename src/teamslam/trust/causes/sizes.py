@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from teamslam.errors import TeamslamError
 from teamslam.geometry import IntArray
@@ -64,6 +63,8 @@ def _best(tables: Sequence[Table], values: Values, mark: int, frame: IntArray) -
 
     def whole(size: float) -> float:
         return _cost(*_solved([_resized(t, mark, size) for t in tables], values, frame))
+
+    from scipy.optimize import minimize_scalar
 
     fit = minimize_scalar(whole, bounds=(start - AROUND, start + AROUND), method="bounded", options={"maxiter": FINER})
     return float(fit.x), float(fit.fun)
