@@ -4,8 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from teamslam.frontend.shifts import STEP_S
 from teamslam.frontend.streams import TICKS_PER_S, Track
-from teamslam.frontend.turns import LONGEST_S, STEP_S, lateness, turns_between
+from teamslam.frontend.turns import LONGEST_S, lateness, turns_between
 from teamslam.geometry import Pose, so3
 
 T = np.arange(0.0, 30.0, 0.02)

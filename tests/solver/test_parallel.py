@@ -2,6 +2,7 @@
 
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,32 @@ def test_who_stops_listening_starts_no_more() -> None:
     next(found)
     found.close()
     assert len(begun) < 100_000
+
+
+@pytest.mark.parametrize("nth", [1, 2, 3])
+def test_nobody_works_on_after_an_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nth: int) -> None:
+    """One that comes while a thread is being started, of which the pool does not know yet."""
+    start = threading.Thread.start
+    begun = []
+
+    def started(thread: threading.Thread) -> None:
+        start(thread)
+        begun.append(thread)
+        if len(begun) == nth:
+            raise KeyboardInterrupt
+
+    def work(name: str) -> None:
+        time.sleep(0.05)
+        (tmp_path / name).mkdir()
+
+    monkeypatch.setattr(threading.Thread, "start", started)
+    monkeypatch.setattr(kernel, "threads", lambda: 4)
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(work, ["a", "b", "c", "d"])
+    made = sorted(tmp_path.iterdir())
+    for thread in begun:
+        thread.join()
+    assert sorted(tmp_path.iterdir()) == made
 
 
 @pytest.mark.parametrize("threads", [1, 2])

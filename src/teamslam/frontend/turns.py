@@ -6,7 +6,7 @@ is where both agree best,
 
     min over d of   sum | seen_i - angle of X(s_i - d)^-1 X(t_i - d) |
 
-by absolute values, so that a tag whose pose flipped counts once. It is believed where it is clearly better than none.
+by absolute values, so that a tag whose pose flipped counts once (`frontend.shifts`).
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.frontend.interpolate import interpolate
+from teamslam.frontend.shifts import SHIFTS_S, clearest
 from teamslam.frontend.streams import TICKS_PER_S, Track
 from teamslam.geometry import Array, IntArray, Pose, so3
 
-REACH_S, STEP_S = 1.0, 0.02
 LONGEST_S = 2.0  # between two sightings
 MOST = 400  # pairs of sightings
 FEWEST = 8
-CLEAR = 4.0  # sigmas
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,29 +55,28 @@ def turns_between(ticks: IntArray, of: IntArray, rotations: Array) -> Turns:
 
 
 def lateness(turns: Turns, track: Track, near_s: float = 0.0) -> float | None:
-    """How much later than odometry's the stamps of turns are [s], within REACH_S of `near_s`; None where the turns do
+    """How much later than odometry's the stamps of turns are [s], within a second of `near_s`; None where the turns do
     not tell it, or not clearly."""
     if len(turns.angle) < FEWEST or len(track) < 2:
         return None
     if len(turns.angle) > MOST:
         turns = turns.select(np.linspace(0, len(turns.angle) - 1, MOST).astype(int))
-    order = np.argsort(track.ticks, kind="stable")
-    track = track.select(order[np.append(True, np.diff(track.ticks[order]) > 0)])
-    steps = np.arange(-round(REACH_S / STEP_S), round(REACH_S / STEP_S) + 1)
-    late = round(near_s * TICKS_PER_S) + steps * round(STEP_S * TICKS_PER_S)
+    track = _in_order(track)
+    late = np.round((near_s + SHIFTS_S) * TICKS_PER_S).astype(np.int64)
     ends = np.stack([turns.start, turns.stop])[:, None] - late[:, None]
     poses, _ = interpolate(track.ticks, track.poses, ends.ravel(), int(TICKS_PER_S))
     rotations = poses.rotation.reshape(*ends.shape, 3, 3)
-    angles = _angles(rotations[0], rotations[1])
     inside = ((ends >= track.ticks[0]) & (ends <= track.ticks[-1])).all((0, 1))
     if np.count_nonzero(inside) < FEWEST:
         return None
-    off = np.abs(angles[:, inside] - turns.angle[inside])
-    best = int(np.argmin(off.sum(1)))
-    gain = off[len(steps) // 2] - off[best]
-    if not gain.mean() > CLEAR * gain.std() / np.sqrt(len(gain)):
-        return None
-    return float(late[best] / TICKS_PER_S)
+    shift = clearest(np.abs(_angles(rotations[0], rotations[1])[:, inside] - turns.angle[inside]))
+    return None if shift is None else near_s + shift
+
+
+def _in_order(track: Track) -> Track:
+    """A track by rising stamps, each once."""
+    _, first = np.unique(track.ticks, return_index=True)
+    return track.select(first)
 
 
 def _angles(before: Array, after: Array) -> Array:
@@ -88,6 +86,5 @@ def _angles(before: Array, after: Array) -> Array:
 
 def carried_along(track: Track, ticks: IntArray) -> Pose:
     """Where a robot was by its odometry at `ticks` (m,): for turns of what it saw, taken out of its own frame."""
-    order = np.argsort(track.ticks, kind="stable")
-    track = track.select(order[np.append(True, np.diff(track.ticks[order]) > 0)])
+    track = _in_order(track)
     return interpolate(track.ticks, track.poses, ticks, int(TICKS_PER_S))[0]

@@ -42,7 +42,6 @@ from teamslam.results.drawing import drawing
 from teamslam.results.page import PAGE
 from teamslam.results.record import Record
 from teamslam.results.residuals import residuals_in, write_residuals
-from teamslam.results.side_by_side import side_by_side
 from teamslam.results.tables import (
     read_histories,
     write_histories,
@@ -51,7 +50,7 @@ from teamslam.results.tables import (
     write_trajectory_table,
 )
 from teamslam.results.whole import refuse_to_overwrite, whole_folder
-from teamslam.solver import Covariances
+from teamslam.solver import Covariances, side_by_side
 
 
 def write_run(result: Result, folder: str | Path, *, replace: bool = False, figures: bool = True) -> Record:

@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from teamslam.errors import SolveError, TeamslamError
+from teamslam.geometry import IntArray
 from teamslam.joining.exact.coordinator import (
     Ask,
     Coordinator,
@@ -35,7 +36,7 @@ from teamslam.joining.exact.gap import point_of
 from teamslam.joining.exact.robot import Part, Reduced, Sending, separators_of
 from teamslam.joining.join.join import Exactness
 from teamslam.joining.join.optimum import usable_rows
-from teamslam.model import WORLD, Dataset, Sources, Submap, Values, robot_of
+from teamslam.model import WORLD, Dataset, Sources, Submap, Table, Values, robot_of
 from teamslam.robot.packets import Answer, Packet, Question
 from teamslam.robot.peer import Peer
 from teamslam.robot.reduced import reduced_from, to_numbers
@@ -72,8 +73,8 @@ class Stage:
 
     joined: Submap
     sides: tuple[Far, ...]
-    raw: tuple[Any, ...]
-    separators: Any
+    raw: tuple[Table, ...]
+    separators: IntArray
     common: Values
 
     @classmethod

@@ -72,7 +72,7 @@ class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, 
 class StatedClock(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """A robot's clock beside the first robot's: how much later its stamps are in the middle of its recording, by how
     much more that grows in a second (1e-6: a microsecond), and the standard deviations of both: 0, as stated; left out,
-    they are estimated where the recordings tell them well."""
+    as stated unless the recordings contradict that."""
 
     offset_s: float = 0.0
     drift: float = 0.0
@@ -82,8 +82,8 @@ class StatedClock(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 class Unsure(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """How well what is stated of a camera is known, standard deviations: what is above 0 is estimated, as far as the
-    recording tells; `delay_s` left out, too, where it tells that well. Of where a camera is (`xyz_m`) and how it is
-    turned (`rotation_rad`) about each axis of the body; of its focal lengths a share."""
+    recording tells; `delay_s` left out, where it contradicts what is stated. Of where a camera is (`xyz_m`) and how it
+    is turned (`rotation_rad`) about each axis of the body; of its focal lengths a share."""
 
     delay_s: float | None = None
     line_s: float = 0.0

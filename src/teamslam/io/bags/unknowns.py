@@ -21,7 +21,7 @@ TIMES = {
     DRIFT: (1e-4, 5e-5, "", 1e-4, 1e-3),
     DELAY: (0.5, 0.01, "s", 2e-3, 0.2),
 }
-"""Where nobody says: how far off they may be, how well rows must tell them, and as in `Unknown` unit, step and most."""
+"""Where nobody says: how far off they may be, a standard deviation; and as in `Unknown` useful, unit, step and most."""
 PLACE = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
 
 

@@ -5,7 +5,7 @@ observer was, says where the other was; the other's way says when it was there. 
 
     min over d of   sum | z_i (-) h(X(t_i), Y(t_i + d)) |          d from a second before to a second after
 
-in units of the measurement and by absolute values; believed where it is clearly better than none.
+in units of the measurement and by absolute values (`frontend.shifts`).
 """
 
 from collections.abc import Iterator
@@ -13,13 +13,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from teamslam.frontend.interpolate import interpolate
+from teamslam.frontend.shifts import REACH_S, SHIFTS_S, clearest
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
 from teamslam.joining import Joined
 from teamslam.model import Dataset, Submap, Table, Unknowns, index_of, robot_of
 
-REACH_S, STEP_S = 1.0, 0.02
 FEWEST = 4  # sightings
-CLEAR = 4.0  # sigmas
 
 
 def without_meetings(log: Dataset) -> Dataset:
@@ -37,20 +36,12 @@ def scanned(joined: Joined, log: Dataset, unknowns: Unknowns) -> Array:
     return values
 
 
-def _shifts_s() -> Array:
-    count = round(REACH_S / STEP_S)
-    return np.asarray(np.arange(-count, count + 1) * STEP_S)
-
-
 def _best(off: Array) -> float:
     """The shift at which all sightings together miss least, of those (shifts, m) that can be told at all."""
     off = off[:, np.isfinite(off).all(0)]
     if off.shape[1] < FEWEST:
         return 0.0
-    best = int(np.argmin(off.sum(1)))
-    gain = off[len(off) // 2] - off[best]
-    clear = gain.mean() > CLEAR * gain.std() / np.sqrt(len(gain))
-    return float(_shifts_s()[best]) if clear else 0.0
+    return clearest(off) or 0.0
 
 
 def _misses(submap: Submap, log: Dataset, robot: int) -> Iterator[Array]:
@@ -77,7 +68,7 @@ def _between(keys: IntArray, ways: list[IntArray]) -> BoolArray:
 
 
 def _of_pair(submap: Submap, log: Dataset, part: Table, sign: int) -> Array:
-    shifts = np.round(sign * _shifts_s() / log.names.tick_s).astype(np.int64)
+    shifts = np.round(sign * SHIFTS_S / log.names.tick_s).astype(np.int64)
     eyes, _ = _at(submap, log, part.robot, index_of(part.keys[:, 0]))
     at = index_of(part.keys[:, 1]) + shifts[:, None]
     other = int(robot_of(part.keys[:1, 1])[0])
