@@ -1,8 +1,9 @@
 """Tags of which the size is stated wrongly: larger or smaller than it is, their poses come out too far or too near.
 
 Each landmark that costs too much and is seen by the corners of one tag is placed again with its corners nearer to its
-middle or farther from it, the rest of the map held, over a grid of sizes; the best of them is tried on the whole map,
-which such a tag bends, and made finer there. A size is told where that takes away most of the landmark's excess.
+middle or farther from it, the rest of the map held, over a grid of sizes. Such a tag bends the map, which then holds it
+near what is stated; so from the best of them the whole map is solved again and again, downhill as far as that leads. A
+size is told where that takes away most of the landmark's excess.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from teamslam.trust.tally import by_landmark
 
 SUSPECT, EXCESS = 3.0, 50.0  # times the expected cost, and how much above it, from which a landmark is looked at
 FARTHEST, STEP = 1.0, 0.03  # of the logarithm of a size, and of its grid
-AROUND, FINER = 0.1, 12  # how far the best on the grid may be off on the whole map, and trials there
+AROUND, FINER, FINEST = 0.1, 20, 0.02  # first steps from there on the whole map, trials there, and of them the share
 LEAST = 0.02  # of a size: what is nearer is another fault
 EXPLAINED = 0.8  # of the landmark's excess
 MOST = 5  # landmarks
@@ -66,7 +67,7 @@ def _best(tables: Sequence[Table], values: Values, mark: int, frame: IntArray) -
 
     from scipy.optimize import minimize_scalar
 
-    fit = minimize_scalar(whole, bounds=(start - AROUND, start + AROUND), method="bounded", options={"maxiter": FINER})
+    fit = minimize_scalar(whole, bracket=(start - AROUND, start + AROUND), options={"maxiter": FINER, "xtol": FINEST})
     return float(fit.x), float(fit.fun)
 
 
