@@ -31,7 +31,7 @@ import numpy as np
 from teamslam.config import Config, write_config
 from teamslam.errors import InputError, SolveError
 from teamslam.io import write_submaps
-from teamslam.io.files.npz import write_arrays
+from teamslam.io.files.npz import read_arrays, write_arrays
 from teamslam.io.files.whole import named
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.io.submaps import arrays as submaps
@@ -169,11 +169,11 @@ def _write_log(record: Record, path: Path) -> None:
 
 def _read_log(path: Path) -> tuple[Values | None, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as log:
-            sightings = np.asarray(log["sightings"], np.int64)
-            if not log["has_truth"]:
-                return None, sightings
-            return Values(Layout(log["truth_keys"], log["truth_kinds"]), log["truth_state"]), sightings
+        log = read_arrays(path)
+        sightings = np.asarray(log["sightings"], np.int64)
+        if not log["has_truth"]:
+            return None, sightings
+        return Values(Layout(log["truth_keys"], log["truth_kinds"]), log["truth_state"]), sightings
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"not the log of a run: {error}", path=path) from None
 

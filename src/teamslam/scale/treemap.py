@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.geometry import BoolArray, IntArray
+from teamslam.io.files.npz import read_arrays
 from teamslam.io.files.whole import whole_file
 from teamslam.io.maps.tum import write_trajectories
 from teamslam.io.submaps.arrays import read_submap
@@ -100,8 +101,8 @@ def write_values(values: Values, path: Path) -> None:
 
 def read_values(path: Path) -> Values:
     """What `write_values` wrote."""
-    with np.load(path, allow_pickle=False) as arrays:
-        return Values(Layout(arrays["keys"], arrays["kinds"]), arrays["state"])
+    arrays = read_arrays(path)
+    return Values(Layout(arrays["keys"], arrays["kinds"]), arrays["state"])
 
 
 def _of_robot(values: Values, robot: int | None) -> Values:

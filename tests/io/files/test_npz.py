@@ -1,13 +1,18 @@
 """Arrays in a file are those that numpy reads there."""
 
+import ast
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from teamslam.io.files.npz import write_arrays
+from teamslam.io.files.npz import read_arrays, write_arrays
 from teamslam.io.files.text import rows_of_text
 
 some = arrays.arrays(st.sampled_from([np.float64, np.int64, np.int32, np.bool_]), arrays.array_shapes(min_dims=0))
@@ -23,6 +28,25 @@ def test_numpy_reads_what_is_written(tmp_path_factory, found: dict[str, np.ndarr
         for name, array in found.items():
             assert there[name].dtype == array.dtype
             np.testing.assert_array_equal(there[name], array)
+            np.testing.assert_array_equal(read_arrays(path)[name], array)
+
+
+def test_no_two_threads_parse_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What arrays are, which Python 3.11 cannot do."""
+    write_arrays(tmp_path / "a.npz", {"a": np.arange(3), "b": np.ones((2, 2))})
+    parse, inside, most = ast.parse, [], []
+
+    def counted(*given, **more):
+        inside.append(threading.get_ident())
+        most.append(len(inside))
+        time.sleep(1e-3)
+        inside.pop()
+        return parse(*given, **more)
+
+    monkeypatch.setattr(ast, "parse", counted)
+    with ThreadPoolExecutor(4) as team:
+        found = list(team.map(lambda _: read_arrays(tmp_path / "a.npz"), range(20)))
+    assert len(most) >= len(found) == 20 and max(most) == 1
 
 
 @given(

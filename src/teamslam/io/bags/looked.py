@@ -23,6 +23,7 @@ from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.detect import Detector, Found, Looking, library_of_tags
 from teamslam.geometry import AnyArray, IntArray
 from teamslam.io.bags.pictures import Picture, Pictures, Unusable
+from teamslam.io.files.npz import read_arrays
 from teamslam.io.files.whole import whole_file
 
 Progress = Callable[[str, int, int], None]
@@ -98,8 +99,8 @@ def _told(found: Iterator[Found | str], tell: Progress, stage: str, done: int, c
 def _kept(path: Path, chunk: Sequence[Picture]) -> dict[str, AnyArray] | None:
     """A part from the disk, if it is there, whole, and of these images."""
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            part = {name: file[name] for name in FIELDS}
+        arrays = read_arrays(path)
+        part = {name: arrays[name] for name in FIELDS}
     except Exception:  # not there, cut short, or of another layout: looked for again
         return None
     return part if len(part["frames"]) + len(part["lost"]) == len(chunk) else None
