@@ -1,6 +1,6 @@
-"""What the pages in docs/ say of modules, functions and commands, taken from their docstrings and signatures.
+"""What the README and the pages in docs/ say of modules, functions, commands and measurements, taken from these.
 
-    python scripts/pages.py            writes it into docs/*.md, between the marks
+    python scripts/pages.py            writes it into README.md and docs/*.md, between the marks
     python scripts/pages.py --check    writes nothing; exit code 1 and the names of pages that are not as they would be
 
 A mark is a comment, which a reader of Markdown never sees; all from it to `<!-- end -->` is written by this script:
@@ -10,6 +10,7 @@ A mark is a comment, which a reader of Markdown never sees; all from it to `<!--
     <!-- facts teamslam.io.Options -->               a class without its methods
     <!-- command run -->                             a command's help: what it does, examples, arguments
     <!-- string examples/02_own_data.py TEAM_TOML toml -->     a string of a script, as it stands
+    <!-- headline docs/benchmarks/calibration_logs.md -->      the README's table, from that page's
 
 Docstrings are laid out for the eye. Prose becomes prose; what is indented, or lines up in columns, stays as it is.
 """
@@ -25,15 +26,18 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-MARK = re.compile(r"<!-- (module|object|facts|command|string) ([^>]+?) -->\n.*?<!-- end -->", re.DOTALL)
+MARK = re.compile(r"<!-- (module|object|facts|command|string|headline) ([^>]+?) -->\n.*?<!-- end -->", re.DOTALL)
 COLUMNS = re.compile(r"\S {2,}\S")
 WIDE = 100
+HEADLINE_COLUMNS, HEAD_ROWS = 9, 2
+STATED = "the same with `--no-calibrate`"
+METHODS = {"join": "--out joined", "exact": "--out exact --exact", "full": "--out full --method full"}
 
 
 def main(arguments: list[str]) -> int:
     """Write the pages, or say which are not as they would be written."""
     stale = []
-    for page in sorted((ROOT / "docs").glob("*.md")):
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
         before = page.read_text(encoding="utf-8")
         after = written(before)
         if after != before:
@@ -97,12 +101,38 @@ def string(path: str, name: str, language: str) -> str:
     raise LookupError(f"{path} assigns no string to {name}")
 
 
+def headline(path: str) -> str:
+    """What a run of each log gives, calibrated and as its noise is stated: a row for each pair of rows there."""
+    columns = ("command", "robots' position RMSE", "landmarks' RMSE", "NEES / dof, all / landmarks", STATED)
+    head = f"| {' | '.join(columns)} |"
+    cells = [line.strip("|").split("|") for line in (ROOT / path).read_text(encoding="utf-8").split("\n")]
+    rows = [[cell.strip() for cell in row] for row in cells if len(row) == HEADLINE_COLUMNS][HEAD_ROWS:]
+    lines = [_headline_row(*pair) for pair in zip(rows[::2], rows[1::2], strict=True)]
+    return "\n".join([head, "|---|---|---|---|---|", *lines])
+
+
+def _headline_row(stated: list[str], calibrated: list[str]) -> str:
+    log, method = stated[0].split(", ")
+    robots, landmarks, nees = _headline_figures(calibrated)
+    command = f"teamslam run {log} {METHODS[method]}"
+    as_stated = ", ".join(filter(None, _headline_figures(stated)))
+    return f"| `{command}` | {robots or 'no truth'} | {landmarks} | {nees} | {as_stated} |"
+
+
+def _headline_figures(row: list[str]) -> tuple[str, str, str]:
+    robots, landmarks = row[7].split(",")
+    metres = [f"{float(error):.3f} m" if error.strip() else "" for error in (robots, landmarks)]
+    nees = [f"{float(row[6]):.1f}"] * bool(metres[0]) + [f"{float(row[2]):.1f}"]
+    return metres[0], metres[1], " / ".join(nees)
+
+
 KINDS: dict[str, Callable[..., str]] = {
     "module": module,
     "object": an_object,
     "facts": facts,
     "command": command,
     "string": string,
+    "headline": headline,
 }
 
 

@@ -1,4 +1,7 @@
-"""Every table of measured figures has the command that gives them: in its section, or in the head of its page."""
+"""Every table of measured figures has the command that gives them, in its section or in the head of its page.
+
+And what a paragraph says of a page of measurements is what stands there.
+"""
 
 import re
 from collections.abc import Iterator
@@ -42,6 +45,46 @@ def test_measured_figures_have_their_command(page: Path) -> None:
         head = head or text
         if measured(text):
             assert commands(text) or commands(head), f"{heading or 'the head'}: say what printed this table"
+
+
+NUMBER = re.compile(r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
+QUOTED = re.compile(rf"{FIGURE.pattern}|(?<![\w.-])\d[\d,]*(?= ms\b)|(?<![\w.-])\d+e-\d+")
+IN_OTHER_UNITS = (1.0, 1e-3, 1e3, 1e-2)
+
+
+def quoted(page: Path) -> Iterator[tuple[list[Path], str]]:
+    """Paragraphs that send to pages of measurements and name no command of their own: those pages, and the words."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    for paragraph in re.split(r"\n\n|\n(?=- )", text):
+        links = re.findall(r"\(((?:docs/|\.\./)?benchmarks/\w+\.md)", paragraph)
+        if links and not paragraph.lstrip().startswith("|") and not commands(paragraph.replace("`teamslam join", "`")):
+            yield [page.parent / link for link in links], re.sub(r"`[^`]*`|\([^()]*\.md[^()]*\)", "", paragraph)
+
+
+def stands_there(figure: str, numbers: list[float]) -> bool:
+    """Whether a figure is a number there, rounded: in the same units, or a thousand or hundred times as large."""
+    mantissa, _, exponent = figure.replace(",", "").partition("e")
+    digits, power = len(mantissa.partition(".")[2]), int(exponent or 0)
+    half = 0.5001 * 10.0 ** (power - digits)
+    return any(
+        abs(number * unit - float(figure.replace(",", ""))) <= half for number in numbers for unit in IN_OTHER_UNITS
+    )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_what_is_said_of_a_page_of_measurements_stands_there(page: Path) -> None:
+    for linked, words in quoted(page):
+        there = " ".join(path.read_text(encoding="utf-8") for path in linked)
+        numbers = [float(number.replace(",", "")) for number in NUMBER.findall(there)]
+        for found in QUOTED.finditer(words):
+            assert stands_there(found[0], numbers), f"{found[0]}: not in {', '.join(path.name for path in linked)}"
+
+
+def test_a_figure_that_stands_nowhere_would_be_found() -> None:
+    assert stands_there("9,012.72", [9012.719280]) and stands_there("0.06", [56.7]) and stands_there("2e-16", [1.6e-16])
+    assert (
+        not stands_there("14.1", [1.32]) and not stands_there("0.034", [0.0323]) and not stands_there("1e-14", [1e-13])
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

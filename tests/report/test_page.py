@@ -54,7 +54,8 @@ def page_with(word: str, places: np.ndarray) -> Page:
     way = Way(0, count, np.arange(count) * 0.5, places, np.tile([1.0, 0.0, 0.0], (count, 1)), 0.0 * places, np.zeros(0),
               np.zeros((0, 3, 3)))  # fmt: skip
     marks = Marks([word], places[:1], np.eye(3)[None], far, np.full((1, 3), np.nan), np.zeros(1, bool))
-    part = Part(word, word, False, 1, 5.99, [way], marks, Sightings(np.zeros((0, 2), np.int64), np.zeros((0, 2))))
+    nobody = Sightings(np.zeros((0, 2), np.int64), np.zeros((0, 2)))
+    part = Part(word, word, False, 1, 5.99, [way], marks, nobody, np.zeros((0, 2, 3)), 1)
     rows = Rows(0, 0, word, np.zeros(1), np.ones(1), np.zeros(1, np.int64))
     table = Table(word, (word,), [[word]], word)
     return Page(word, "fits", word, [(word, word)], [word], ("#123456",), False, [part], [rows], [table], word, [word])

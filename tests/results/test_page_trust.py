@@ -89,6 +89,12 @@ def test_what_is_weak_and_what_to_look_at_stand_on_the_page() -> None:
     assert len(weak["sightings"]) > 1 and all(look["after"] < look["before"] for look in weak["sightings"])
     names = [name for name, _ in outcome(record.report)]
     assert "weak" in names and "look next" in names
+    part = drawn(record)["parts"][0]
+    lines = np.frombuffer(base64.b64decode(part["weakest"]), "<f4").reshape(-1, 2, 3)
+    middle, across = lines.mean(1) + part["origin"], (lines[:, 1] - lines[:, 0]) / 2.0
+    assert middle[:, :2] == pytest.approx(np.array(weak["directions"][0]["places_m"]), abs=1e-4)
+    assert across[:, :2] == pytest.approx(part["weakest_times"] * np.array(weak["directions"][0]["moved_m"]), abs=1e-4)
     firm = Record.of(run(simulate(Options(space="2d", robots=3), 1)))
+    assert drawn(firm)["parts"][0]["weakest"] == ""
     assert not {"What is known least", "What to look at next", "Not to be believed"} & tables(firm).keys()
     assert "look next" not in [name for name, _ in outcome(firm.report)]

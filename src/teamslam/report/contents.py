@@ -61,8 +61,9 @@ class Sightings:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One map. `spatial`: it is looked at from the side, and turned. `degrees`: of the chi-square of its regions.
-    `magnification`: how many times larger regions are drawn to begin with."""
+    """One map. `spatial`: it is looked at from the side, and turned. `quantile`: of the chi-square of its regions.
+    `magnification`: how many times larger regions are drawn to begin with. `weakest` (n, 2, 3): lines [m] of what its
+    weakest direction moves, `weakest_times` as long as one sigma to either side is."""
 
     title: str
     frame: str
@@ -72,6 +73,8 @@ class Part:
     ways: Sequence[Way]
     marks: Marks
     sightings: Sightings
+    weakest: Array
+    weakest_times: int
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,8 @@ def _part(part: Part) -> dict[str, Any]:
             "second": floats(marks.second - origin),
             "doubted": packed(marks.doubted, "<i1"),
         },
+        "weakest": floats(part.weakest - origin),
+        "weakest_times": part.weakest_times,
         "seen": {"who": packed(seen.robots, "<i4"), "t": floats(seen.stamps)},
     }
 

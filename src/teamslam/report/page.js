@@ -20,6 +20,7 @@
     const m = part.marks;
     for (const k of ["p", "c", "truth", "second"]) m[k] = f32(m[k]);
     m.doubted = i8(m.doubted);
+    part.weakest = f32(part.weakest);
     part.seen.who = i32(part.seen.who); part.seen.t = f32(part.seen.t);
     part.wayOf = new Map(part.ways.map((w) => [w.robot, w]));
     part.rows = []; part.rejected = [];
@@ -38,6 +39,7 @@
     rejected: data.rejected.length > 0,
     doubted: data.parts.some((p) => p.marks.doubted.some((d) => d)),
     seen: data.parts.some((p) => p.seen.t.length),
+    weakest: data.parts.some((p) => p.weakest.length),
     second: data.parts.some((p) => p.marks.second.some(Number.isFinite)),
     regions: data.parts.some((p) => p.marks.c.some((x) => x > 0) || p.ways.some((w) => w.c.some((x) => x > 0))),
   };
@@ -50,6 +52,7 @@
     ["seen", "robots seen", has.seen, true], ["truth", "truth", has.truth, true],
     ["second", "second places", has.second, true], ["rejected", "wrong sightings", has.rejected, true],
     ["doubted", "names in doubt", has.doubted, true],
+    ["weakest", "weakest direction" + ([...new Set(data.parts.filter((p) => p.weakest.length).map((p) => p.weakest_times))].map((k) => k > 1 ? " \u00d7" + k : "").join(",")), has.weakest, true],
   ];
   for (const [key, word, there, on] of layers) {
     state.on[key] = there && on;
@@ -110,7 +113,7 @@
 
   // --- colours ------------------------------------------------------------------------------------------------------
   let css = {};
-  const colours = () => { const s = getComputedStyle(document.documentElement); for (const n of ["page", "ink", "quiet", "line", "mark", "truth", "grid", "bad"]) css[n] = s.getPropertyValue("--" + n).trim(); };
+  const colours = () => { const s = getComputedStyle(document.documentElement); for (const n of ["page", "ink", "quiet", "line", "mark", "truth", "grid", "bad", "weak"]) css[n] = s.getPropertyValue("--" + n).trim(); };
   const robotColour = (r) => data.colours[r % data.colours.length];
   const heat = (x) => { // blue, through grey-violet, to red: x from 0 to 1
     const c = Math.max(0, Math.min(1, x));
@@ -193,7 +196,7 @@
       if (!w) return;
       g.fillStyle = css.page; g.fillRect(0, 0, w, h); g.lineJoin = g.lineCap = "round";
       grid(); if (state.on.rows) rows(); if (state.on.rejected) rejected(); if (state.on.seen) seen(); if (state.on.truth) truth(); if (state.on.ways) paths();
-      if (state.on.regions) regions(); if (state.on.second) second(); if (state.on.marks) marks(); if (state.on.doubted) doubted(); if (state.on.marks && state.on.truth) trueMarks(); if (state.on.ways) robots();
+      if (state.on.regions) regions(); if (state.on.weakest) weakest(); if (state.on.second) second(); if (state.on.marks) marks(); if (state.on.doubted) doubted(); if (state.on.marks && state.on.truth) trueMarks(); if (state.on.ways) robots();
       if (state.on.names) names(); scaleBar();
     };
     const grid = () => {
@@ -279,6 +282,10 @@
     };
     const diamond = (x, y, s, full) => { g.beginPath(); g.moveTo(x, y - s); g.lineTo(x + s, y); g.lineTo(x, y + s); g.lineTo(x - s, y); g.closePath(); if (full) g.fill(); else g.stroke(); };
     const marks = () => { const m = part.marks, s = m.names.length > 60 ? 3 : 4.5; g.fillStyle = css.mark; for (let i = 0; i < m.names.length; i++) diamond(X(m.p, i), Y(m.p, i), s, true); };
+    const weakest = () => { // one sigma to either side of what the map knows least
+      g.strokeStyle = css.weak; g.lineWidth = 1.6;
+      for (let i = 0; i < part.weakest.length / 6; i++) line(part.weakest, 2 * i, 2 * i + 2);
+    };
     const second = () => {
       const m = part.marks; g.strokeStyle = css.mark; g.lineWidth = 1.1;
       for (let i = 0; i < m.names.length; i++) {

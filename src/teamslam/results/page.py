@@ -149,6 +149,7 @@ class _Seen:
         scene, part = self.scenes[number], self.record.report["parts"][number]
         who = f"robot{'s' * (len(part['robots']) != 1)} {_listed(part['robots'])}"
         held = counted(part["poses"], "pose", part["landmarks"], "landmark")
+        weakest, weakest_times = scene.weakest(3)
         several = f"Part {number + 1} of {len(self.record.maps)}: " if len(self.record.maps) > 1 else ""
         return Part(
             title=f"{several}{who}: {held}",
@@ -159,6 +160,8 @@ class _Seen:
             ways=[self._way(scene, number, robot) for robot in scene.robots],
             marks=_marks(scene, doubted_marks(self.record)),
             sightings=self._sightings(scene),
+            weakest=weakest,
+            weakest_times=weakest_times,
         )
 
     def _way(self, scene: Scene, number: int, robot: int) -> Way:

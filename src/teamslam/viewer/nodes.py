@@ -8,14 +8,14 @@ from teamslam.geometry import Array, IntArray, Pose
 from teamslam.io.maps.space import ball
 from teamslam.report import Page, Part, Rows, Way
 
-LANDMARK, TRUTH, SEEN, WRONG = (122, 31, 92), (90, 90, 90), (150, 150, 150), (200, 30, 30)
+LANDMARK, TRUTH, SEEN, WRONG, WEAK = (122, 31, 92), (90, 90, 90), (150, 150, 150), (200, 30, 30), (184, 134, 11)
 MOST_NAMES, MOST_LINES = 80, 4000
 THIN = 0.02  # of its longest half axis: how flat a region of the plane is drawn
 
 
 class Nodes:
     """The nodes of one part, by kind: ways, robots, landmarks, names, regions, truth, sightings, seen, second,
-    rejected, doubted.
+    rejected, doubted, weakest.
 
     Robots are so much `paler`, from 0 to 1, as tells one run from another. `moved` puts what moves where it is at a
     time, `shown` says which kinds and which robots are to be seen.
@@ -57,6 +57,8 @@ class Nodes:
             self._points("doubted", marks.places[marks.doubted], WRONG, 0.012)
         if (two := np.isfinite(marks.second).all(-1)).any():
             self._lines("second", -1, np.stack([marks.places[two], marks.second[two]], 1), LANDMARK, 1.0)
+        if len(self.part.weakest):
+            self._lines("weakest", -1, self.part.weakest, WEAK, 2.0)
         for place, name in list(zip(marks.places, marks.names, strict=True))[:MOST_NAMES]:
             key = ("names", len(self.fixed))
             self.fixed[key] = self.scene.add_label(f"{self.path}/names/{key[1]}", name, position=place)

@@ -23,6 +23,7 @@ KINDS = {
     "second": "second places",
     "rejected": "wrong sightings",
     "doubted": "names in doubt",
+    "weakest": "weakest direction",
 }
 TOLD = ("wrong", "suspicious", "weak", "known", "look next")  # of a run's summary
 PLAYED_S = 30.0  # that playing a run takes
