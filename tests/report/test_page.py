@@ -2,6 +2,8 @@
 
 import base64
 import json
+import re
+from html import escape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from strategies import generators
 from teamslam.report import Marks, Page, Part, Rows, Sightings, Table, Way, evenly, html_of, within
+from teamslam.report.tables import list_html
 
 WORDS = st.one_of(
     st.text(min_size=1, max_size=30),
@@ -105,3 +108,21 @@ def test_the_worst_rows_are_drawn(rng: np.random.Generator, count: int, most: in
     kept = evenly(size, most)
     assert kept[np.argmax(size)] and kept.sum() <= most + max(most // 20, 1)
     assert count > most or kept.all()
+
+
+@given(st.lists(st.tuples(st.sampled_from(["cost", "put right", ""]), WORDS), max_size=12))
+def test_a_list_keeps_every_value_in_order_and_folds_what_is_many(rows: list[tuple[str, str]]) -> None:
+    """Names stand once for values that follow each other; a fold says how many it holds."""
+    values = [value for _, value in rows]
+    html = list_html(rows)
+    assert re.findall(r"<dd>((?:(?!<details>).)*?)</dd>", html, re.DOTALL) == [escape(value) for value in values]
+    names = [name for name, _ in rows]
+    runs = [name for n, name in enumerate(names) if n == 0 or name not in ("", _before(names, n))]
+    assert re.findall("<dt>(.*?)</dt>", html) == runs
+    for count, folded in re.findall(r"<summary>and (\d+) more</summary>(.*?)</details>", html, re.DOTALL):
+        assert int(count) == folded.count("<dd>") > 1
+
+
+def _before(names: list[str], n: int) -> str:
+    """The name that goes on above a row."""
+    return next((name for name in reversed(names[:n]) if name), names[0])

@@ -6,6 +6,7 @@ covariance of all variables together is as large as their errors.
 """
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 
 from teamslam.cli import main
 
+ROOT = Path(__file__).parents[2]
 ROBOTS_M, LANDMARKS_M = 0.08, 0.04
 HONEST = (0.7, 1.6)  # NEES/dof of the whole
 
@@ -28,3 +30,18 @@ def test_the_map_is_as_good_as_promised(data: Callable[[str], Path], tmp_path: P
     assert report["robot_position_rmse_m"] <= ROBOTS_M
     assert report["landmark_rmse_m"] <= LANDMARKS_M
     assert HONEST[0] < report["nees_per_dof"] < HONEST[1]
+    for page in ("README.md", "docs/gallery.md"):
+        for said in said_of_a_run(ROOT / page, method):
+            found = [report["robot_position_rmse_m"], report["landmark_rmse_m"], report["nees_per_dof"]]
+            assert said == pytest.approx(found, abs=0.0015, rel=0.04), page
+
+
+def said_of_a_run(page: Path, method: str) -> list[list[float]]:
+    """What a page shows of it: robots' and landmarks' RMSE [m], NEES/dof."""
+    text = page.read_text(encoding="utf-8")
+    options = {"join": "--out joined", "full": "--out full --method full"}[method]
+    rows = re.findall(rf"^\| `teamslam run MRCLAM_Dataset6 {options}` \| (\S+) m \| (\S+) m \| (\S+) /", text, re.M)
+    case = r"robots (\S+) m, landmarks (\S+) m off, against motion capture\nNEES per degree of freedom (\S+)\n"
+    rows += re.findall(case, text) if method == "join" else []
+    assert rows or page.name == "gallery.md"
+    return [[float(number) for number in row] for row in rows]

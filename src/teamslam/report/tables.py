@@ -5,6 +5,7 @@ from html import escape
 
 from teamslam.report.contents import Table
 
+UNFOLDED = 3  # values of one name that stand in a list before the others are folded
 SHORT = 18  # letters of a cell that is not broken into lines
 
 
@@ -21,10 +22,28 @@ def table_html(table: Table) -> str:
 
 
 def list_html(rows: Sequence[tuple[str, str]]) -> str:
-    """Names and values; what has no name goes on with what stands above it."""
-    return (
-        "<dl>" + "".join(f"<dt>{escape(name.strip())}</dt><dd>{escape(value)}</dd>" for name, value in rows) + "</dl>"
-    )
+    """Names and values; what has no name, or the same, goes on with what stands above it.
+
+    Of many values of one name the first stand there, the others open when asked for, and when the page is printed.
+    """
+    return "<dl>" + "".join(f"<dt>{escape(name)}</dt>{_values(values)}" for name, values in _by_name(rows)) + "</dl>"
+
+
+def _by_name(rows: Sequence[tuple[str, str]]) -> list[tuple[str, list[str]]]:
+    groups: list[tuple[str, list[str]]] = []
+    for name, value in rows:
+        if groups and name.strip() in ("", groups[-1][0]):
+            groups[-1][1].append(value)
+        else:
+            groups.append((name.strip(), [value]))
+    return groups
+
+
+def _values(values: Sequence[str]) -> str:
+    shown = len(values) if len(values) <= UNFOLDED + 1 else UNFOLDED
+    lines = [f"<dd>{escape(value)}</dd>" for value in values]
+    more = f"<dd><details><summary>and {len(values) - shown} more</summary>{''.join(lines[shown:])}</details></dd>"
+    return "".join(lines[:shown]) + (more if shown < len(values) else "")
 
 
 def _rows(table: Table) -> Iterator[str]:
