@@ -291,6 +291,28 @@ int32_t teamslam_jacobians(teamslam_problem* problem, int64_t handle, const doub
   });
 }
 
+int32_t teamslam_along(teamslam_problem* problem, int64_t handle, const double* state, const double* y,
+                       int64_t columns, double* whitened) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    problem->problem.freeze();
+    const int64_t* start = problem->problem.pattern().scalar_start.data();
+    problem->problem.table(handle).along(state, start, y, columns, whitened);
+    return 0;
+  });
+}
+
+int32_t teamslam_pull(teamslam_problem* problem, int64_t handle, const double* state, const double* whitened,
+                      int64_t columns, double* sums) {
+  return guarded<int32_t>(-1, [&] {
+    problem->problem.check_state(state);
+    problem->problem.freeze();
+    const int64_t* start = problem->problem.pattern().scalar_start.data();
+    problem->problem.table(handle).pull(state, start, whitened, columns, sums);
+    return 0;
+  });
+}
+
 int32_t teamslam_fault(teamslam_problem* problem, int64_t handle, const double* state, int64_t* row) {
   return guarded<int32_t>(-1, [&] {
     problem->problem.check_state(state);

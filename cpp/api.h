@@ -96,6 +96,12 @@ TEAMSLAM_API int32_t teamslam_residuals(teamslam_problem* problem, int64_t handl
    before the call. */
 TEAMSLAM_API int32_t teamslam_jacobians(teamslam_problem* problem, int64_t handle, const double* state,
                                         double* whitened);
+/* Products with them, row-major with `columns` columns: WJ y, rows x residuals of a row; J'W'u, added to the sums over
+   the unknowns. */
+TEAMSLAM_API int32_t teamslam_along(teamslam_problem* problem, int64_t handle, const double* state, const double* y,
+                                    int64_t columns, double* whitened);
+TEAMSLAM_API int32_t teamslam_pull(teamslam_problem* problem, int64_t handle, const double* state,
+                                   const double* whitened, int64_t columns, double* sums);
 /* row: the first row of a table, or member of a submap, of which a residual, Jacobian or cost is not finite; or -1. */
 TEAMSLAM_API int32_t teamslam_fault(teamslam_problem* problem, int64_t handle, const double* state, int64_t* row);
 TEAMSLAM_API int32_t teamslam_retract(teamslam_problem* problem, const double* state, const double* delta, double* out);

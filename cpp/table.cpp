@@ -272,4 +272,63 @@ void Table::jacobians(const double* state, double* out) const {
   for (int64_t row = 0; row < rows_; ++row) std::copy_n(in + row * size, size, out + order_[row] * size);
 }
 
+template <class Use>
+void Table::each_row(const double* state, const int64_t* start, const Use& use) const {
+  constexpr int64_t together = 64;
+  const int64_t size = residual_size() * 2 * most_dof;
+  std::vector<double> WJ(together * size);
+  std::array<int64_t, 2 * most_dof> unknown{};
+  for (const Run& run : runs_) {
+    Rows rows = rows_of(run);
+    const int dof_a = dof(kind_of(run.first, 0)), dof_b = keys_ == 2 ? dof(kind_of(run.first, 1)) : 0;
+    for (int64_t first = 0; first < run.count; first += together) {
+      rows.count = std::min(together, run.count - first);
+      run.loops.differentiate(rows, state, WJ.data());
+      for (int64_t i = 0; i < rows.count; ++i) {
+        const int64_t row = run.first + first + i;
+        for (int key = 0; key < keys_; ++key) {
+          const int32_t free = variables_.free[index_[keys_ * row + key]];
+          for (int j = 0; j < (key ? dof_b : dof_a); ++j)
+            unknown[(key ? dof_a : 0) + j] = free == held ? held : start[free] + j;
+        }
+        use(order_.empty() ? row : order_[row], WJ.data() + i * size, unknown.data(), dof_a + dof_b);
+      }
+      rows.state_a += rows.count;
+      if (rows.state_b) rows.state_b += rows.count;
+      rows.z += rows.count * numbers_, rows.whitening += rows.count * rows.whitening_stride;
+    }
+  }
+}
+
+void Table::along(const double* state, const int64_t* start, const double* y, int64_t columns, double* out) const {
+  const int64_t r = residual_size();
+  each_row(state, start, [&](int64_t row, const double* WJ, const int64_t* unknown, int count) {
+    for (int64_t i = 0; i < r; ++i) {
+      double* sum = out + (row * r + i) * columns;
+      std::fill_n(sum, columns, 0.0);
+      for (int j = 0; j < count; ++j) {
+        if (unknown[j] == held) continue;
+        const double slope = WJ[2 * most_dof * i + j];
+        const double* of = y + unknown[j] * columns;
+        for (int64_t k = 0; k < columns; ++k) sum[k] += slope * of[k];
+      }
+    }
+  });
+}
+
+void Table::pull(const double* state, const int64_t* start, const double* u, int64_t columns, double* out) const {
+  const int64_t r = residual_size();
+  each_row(state, start, [&](int64_t row, const double* WJ, const int64_t* unknown, int count) {
+    for (int j = 0; j < count; ++j) {
+      if (unknown[j] == held) continue;
+      double* sum = out + unknown[j] * columns;
+      for (int64_t i = 0; i < r; ++i) {
+        const double slope = WJ[2 * most_dof * i + j];
+        const double* of = u + (row * r + i) * columns;
+        for (int64_t k = 0; k < columns; ++k) sum[k] += slope * of[k];
+      }
+    }
+  });
+}
+
 }  // namespace teamslam

@@ -37,6 +37,10 @@ class Table final : public Term {
   void residuals(const double* state, double* out) const;
   // Their derivatives -de/dx, whitened: rows x residual_size x 2 most_dof (models.hpp), the rest of each row untouched.
   void jacobians(const double* state, double* out) const;
+  // Products with these derivatives WJ, which are never stored. `start` (of the free variables) says where the unknowns
+  // of each begin; arrays are row-major with `columns` columns. WJ y, rows x residual_size; and J'W'u, added to `out`.
+  void along(const double* state, const int64_t* start, const double* y, int64_t columns, double* out) const;
+  void pull(const double* state, const int64_t* start, const double* u, int64_t columns, double* out) const;
 
   void weigh(std::vector<double>& work) const override;
   void arrange(const std::vector<int32_t>& chunk_of_variable, int32_t chunks) override;
@@ -59,6 +63,10 @@ class Table final : public Term {
   void prepare_measurements();
   void sort_rows(const std::vector<int32_t>& group, int64_t groups);
   Rows rows_of(const Run& run) const;
+  // Calls with each row's place in the input, its WJ (residual_size x 2 most_dof), and where the unknowns of each of its
+  // columns are, `held` where there is none.
+  template <class Use>
+  void each_row(const double* state, const int64_t* start, const Use& use) const;
 
   const Variables& variables_;
   Model model_;

@@ -53,6 +53,8 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "sharpest": (D, [P]),
     "residuals": (I, [P, L, A, A]),
     "jacobians": (I, [P, L, A, A]),
+    "along": (I, [P, L, A, A, L, A]),
+    "pull": (I, [P, L, A, A, L, A]),
     "fault": (I, [P, L, A, A]),
     "retract": (I, [P, A, A, A]),
     "analysis_new": (P, [L, A, A, A, I, A, A, I]),
@@ -88,7 +90,12 @@ class Library:
                 f"the native kernel could not be loaded ({problem}); build and install the package with 'pip install .'"
             ) from None
         for name, (result, arguments) in SIGNATURES.items():
-            function = getattr(loaded, f"teamslam_{name}")
+            function = getattr(loaded, f"teamslam_{name}", None)
+            if function is None:
+                raise TeamslamError(
+                    f"the native kernel {path} is of an older version (it has no '{name}'); build and install the "
+                    "package again with 'pip install .'"
+                )
             function.restype, function.argtypes = result, arguments
             setattr(self, name, function)
 

@@ -287,6 +287,25 @@ class Problem(InKernel):
             checked(library.jacobians(self._pointer, handle, x, out))
         return out
 
+    def along(self, state: ArrayLike, handle: int, y: ArrayLike) -> Floats:
+        """What these derivatives make of y (scalars, k): WJ y (m, r, k)."""
+        m, r = self._known(self._tables, handle, "table")
+        x, steps = self._state(state), floats("y", y, (self.pattern.scalars, None))
+        out = np.empty((m, r, steps.shape[1]))
+        with self._lock:
+            checked(library.along(self._pointer, handle, x, steps, steps.shape[1], out))
+        return out
+
+    def pull(self, state: ArrayLike, handle: int, whitened: ArrayLike, sums: Floats) -> None:
+        """Adds J'W'u to `sums` (scalars, k) for u (m, r, k), without loss or weights."""
+        m, r = self._known(self._tables, handle, "table")
+        x, u = self._state(state), floats("u", whitened, (m, r, None))
+        expected = (self.pattern.scalars, u.shape[2])
+        if sums.shape != expected or sums.dtype != np.float64 or not sums.flags.c_contiguous:
+            raise ModelError(f"sums: found {sums.dtype} {sums.shape}, expected contiguous float64 {expected}")
+        with self._lock:
+            checked(library.pull(self._pointer, handle, x, u, u.shape[2], sums))
+
     def fault(self, state: ArrayLike, handle: int) -> int | None:
         """The first row of a table, or member of a submap, of which a residual, Jacobian or cost is not finite at
         `state`; None where all are."""

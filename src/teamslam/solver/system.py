@@ -186,6 +186,26 @@ class System:
         shape = (blocks.shape[0] * blocks.shape[1], self.free.dof)
         return sp.csr_array((blocks[moved], at, np.concatenate([[0], ends])), shape=shape)
 
+    def along(self, values: Values, y: Array) -> list[Array]:
+        """What steps y (unknowns, k) do to the whitened residuals of each table, to first order and without loss or
+        weights: W J y (m, rows, k)."""
+        return [
+            np.asarray(self._problem.along(values.state, handle, y))
+            if table.row.native
+            else np.asarray((self.jacobian(k, values) @ y).reshape(len(table), -1, y.shape[1]))
+            for k, (table, handle) in enumerate(zip(self.tables, self._handles, strict=True))
+        ]
+
+    def pull(self, values: Values, whitened: Sequence[Array]) -> Array:
+        """How the unknowns are pulled by numbers u (m, rows, k) at the rows of each table: sum J'W'u (unknowns, k)."""
+        sums = np.zeros((self.free.dof, whitened[0].shape[2] if whitened else 0))
+        for k, (table, handle, u) in enumerate(zip(self.tables, self._handles, whitened, strict=True)):
+            if table.row.native:
+                self._problem.pull(values.state, handle, u, sums)
+            else:
+                sums += self.jacobian(k, values).T @ u.reshape(-1, u.shape[2])
+        return sums
+
     def fault(self, table: int, values: Values) -> int | None:
         """The first row of a table of which a residual, its derivative or its cost is not finite; None where all
         are."""
