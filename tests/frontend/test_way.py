@@ -7,7 +7,7 @@ from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import Track
 from teamslam.frontend.way import WayNoise, beside_the_line, jumps, standing, steps_between
 from teamslam.frontend.way import moved as moved_by
-from teamslam.geometry import Pose
+from teamslam.geometry import Pose, so3
 
 NOISE = WayNoise(speed_m_s=0.8, turn_rad_s=0.5, fastest_m_s=2.0)
 
@@ -66,12 +66,55 @@ def test_where_odometry_is_missing_the_motion_model_stands_in():
     np.testing.assert_allclose(np.sqrt(steps.covariances[1, 0, 0]), 0.8 * 2.0)
 
 
-def test_covariances_add_along_the_way():
-    """Without slip, two steps know as much as the one over both."""
-    noise = WayNoise(slip_m=0.0, slip_rad=0.0)
+def test_covariances_compose_through_a_keyframe_or_past_it():
+    noise = WayNoise()
     one = steps_between(drive(), np.array([0, 4_000_000]), noise)
     two = steps_between(drive(), np.array([0, 1_000_000, 4_000_000]), noise)
-    np.testing.assert_allclose(two.covariances.sum(0), one.covariances[0])
+    first, second = two.poses[0], two.poses[1]
+    # T = T1 + R1 T2, R = R1 R2: how an error of each step moves the end
+    by_first, by_second = np.eye(6), np.eye(6)
+    by_first[:3, 3:] = -first.rotation @ so3.hat(second.translation)
+    by_first[3:, 3:] = second.rotation.T
+    by_second[:3, :3] = first.rotation
+    whole = by_first @ two.covariances[0] @ by_first.T + by_second @ two.covariances[1] @ by_second.T
+    np.testing.assert_allclose(whole, one.covariances[0], atol=1e-3 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("noise", [WayNoise(), WayNoise(slip_m=0.0, drift_m=1e-4), WayNoise(slip_rad=0.1)])
+def test_what_is_driven_to_and_fro_is_as_uncertain_as_it_was_driven(noise):
+    """Many robots drive the same way with errors of every tenth of a second: a bend, and turns that end where they
+    began. The spread of where they come out is as stated."""
+    t, rng, many = np.arange(0.0, 2.01, 0.1), np.random.default_rng(3), 4000
+    heading = 0.8 * np.sin(np.pi * t)
+    x = np.cumsum(np.append(0.0, 0.08 * np.cos(heading[:-1])))
+    y = np.cumsum(np.append(0.0, 0.08 * np.sin(heading[:-1])))
+    turns = np.stack([0 * t, 0 * t, heading], -1)
+    track = Track(
+        np.round(t * 1e6).astype(np.int64),
+        Pose.from_tangent(np.concatenate([np.stack([x, y, 0 * t], -1), turns], -1), 3),
+    )
+    steps = track.poses[:-1].between(track.poses[1:])
+    way, turned = np.linalg.norm(steps.translation, axis=1), np.abs(np.diff(heading))
+    s = np.sqrt(noise.drift_m**2 * 0.1 + noise.slip_m**2 * way)
+    r = np.sqrt(noise.drift_rad**2 * 0.1 + noise.slip_rad**2 * turned)
+    came_out = Pose.identity(3, (many,))
+    for k in range(len(steps)):
+        error = rng.normal(size=(many, 6)) * np.repeat([s[k], r[k]], 3)
+        came_out = came_out @ steps[np.full(many, k)].retract(error)
+    found = steps_between(track, track.ticks[[0, -1]], noise)
+    off = came_out.minus(found.poses[np.zeros(many, int)])
+    half = np.linalg.cholesky(found.covariances[0])
+    white = np.linalg.solve(half, np.cov(off.T)) @ np.linalg.inv(half).T
+    np.testing.assert_allclose(white, np.eye(6), atol=5.0 / np.sqrt(many) + 0.03)
+
+
+def test_messages_that_shake_do_not_lengthen_the_way():
+    """Odometry whose every message is off by half a millimetre, 200 a second: the robot has not driven further."""
+    track, keyframes = drive(5.0, 200.0), np.array([0, 2_000_000, 4_000_000])
+    jitter = 5e-4 * np.random.default_rng(1).normal(size=(len(track), 3))
+    shaking = Track(track.ticks, Pose(track.poses.rotation, track.poses.translation + jitter))
+    still, shaken = (steps_between(seen, keyframes, NOISE).covariances for seen in (track, shaking))
+    np.testing.assert_allclose(shaken, still, atol=0.02 * still.max())
 
 
 def test_the_motion_of_a_moment_is_that_of_the_way():

@@ -8,10 +8,16 @@ if TYPE_CHECKING:
     from teamslam.results import Record
 
 
-def recorded_besides(input: Path, result: "Result", record: "Record", out: Path, progress: "Progress") -> list[str]:
-    """Write them into the run's folder; says what they leave out. Nothing for any other log."""
+def recorded_besides(
+    input: Path, result: "Result", record: "Record", out: Path, progress: "Progress", *, figures: bool = True
+) -> list[str]:
+    """Write them into the run's folder, the paper's figures of its experiment with them; says what they leave out.
+    Nothing for any other log."""
     from teamslam.io.bags.team import Reading
     from teamslam.io.bags.team_file import is_team_file, read_team_file, write_team_file
+    from teamslam.results.by_methods import by_methods
+    from teamslam.results.drawing import draw_figures
+    from teamslam.results.experiment import figures_of_experiment
     from teamslam.results.frames import write_frames
     from teamslam.results.reprojection import reprojected, write_reprojection
     from teamslam.results.table_3 import write_table_3
@@ -33,7 +39,10 @@ def recorded_besides(input: Path, result: "Result", record: "Record", out: Path,
     if found:
         write_reprojection(found, out / "tags" / "reprojection.csv")
         write_frames(found, team, folder, out / "frames")
-    missing: tuple[str, ...] = ()
-    if result.dataset.truth is not None:
-        missing = write_table_3(result.dataset, result.config, out / "table_3.csv", progress)
+    maps = by_methods(result.dataset, result.config, progress) if result.dataset.truth is not None else None
+    if maps is not None and result.dataset.truth is not None:
+        write_table_3(maps, result.dataset.truth, out / "table_3.csv")
+    if figures:
+        draw_figures(figures_of_experiment(record, maps, found, team, folder), out / "figures")
+    missing = () if maps is None else maps.missing
     return [f"{d.count} {d.reason}" for d in dropped] + [f"from table_3.csv: {why}" for why in missing]

@@ -138,7 +138,7 @@ def run(
             refuse_to_overwrite(out, replace=force, ours=OURS)
             write_record(record, options, out)
             progress("writing", 1, 1)
-            left_out = recorded_besides(input, result, record, out, progress)
+            left_out = recorded_besides(input, result, record, out, progress, figures=figures)
         pictured = drawings is None or drawn(drawings, out, progress)
     pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
     answer({**record.report, "written": str(out)})

@@ -4,7 +4,8 @@ Odometry that was optimised on the way (visual-inertial, or with loops closed) j
 far more than the robot can move. A step is a jump where its speed exceeds the stated fastest, and a step that jumped
 tells nothing: the robot is taken to have gone on as the motion model says, with its uncertainty.
 
-    between keyframes:   X_a^-1 X_b, steps composed; covariance grows with time and with the way
+    between keyframes:   X_a^-1 X_b, steps composed; covariance grows with time, with the way and with the turns that
+                         were driven, and a wrong turn carries off what was driven after it
     between messages:    a straight line from one to the next, and how far the way may be beside it: by its differences
     motion model:        stands still, give or take speed * dt and turn * dt (a camera carried by hand)
     within moments:      X(t)^-1 X(t + d) = Exp(d v), v by odometry from t - WINDOW_S to t + WINDOW_S
@@ -17,9 +18,10 @@ import numpy as np
 
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import TICKS_PER_S, Track
-from teamslam.geometry import Array, BoolArray, IntArray, Pose
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, so3
 
 WINDOW_S = 0.05  # to each side: long beside the noise of wheels, short beside what changes how a robot moves
+CHORD_S = 0.1  # of which the way driven is made: shorter ones would add the noise of messages to it
 
 
 class WayNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -73,15 +75,49 @@ def steps_between(track: Track, keyframes: IntArray, noise: WayNoise, longest_s:
     count = np.concatenate([[0], np.cumsum(jumped)])
     clean = count[np.clip(last, 0, len(jumped))] - count[np.clip(first, 0, len(jumped))] == 0
     good = held[:-1] & held[1:] & clean
-    way = np.linalg.norm(steps.translation, axis=-1)
-    turn = np.linalg.norm(steps.minus(still)[:, 3:], axis=-1)
-    spread[good, :3] = (noise.drift_m**2 * dt + noise.slip_m**2 * way)[good, None]
-    spread[good, 3:] = (noise.drift_rad**2 * dt + noise.slip_rad**2 * turn)[good, None]
+    covariances = diagonal(spread)
     beside = beside_the_line(track, keyframes) ** 2
-    spread[good] += (beside[:-1] + beside[1:])[good]
+    driven = driven_noise(track, keyframes, noise) + diagonal(beside[:-1] + beside[1:])
     each = good[:, None, None]
+    covariances = np.where(each, driven, covariances)
     steps = Pose(np.where(each, steps.rotation, still.rotation), np.where(good[:, None], steps.translation, 0.0))
-    return Steps(steps, diagonal(spread), track.ticks[1:][jumped], int(np.count_nonzero(~(held[:-1] & held[1:]))))
+    return Steps(steps, covariances, track.ticks[1:][jumped], int(np.count_nonzero(~(held[:-1] & held[1:]))))
+
+
+def driven_noise(track: Track, keyframes: IntArray, noise: WayNoise) -> Array:
+    """The covariances (n - 1, 6, 6) of the steps between keyframes [ticks] as the robot drove, to and fro and round
+    bends. `track` has messages at rising ticks.
+
+    Over a chord k, of length l and turn a, the noise is alike in all directions, and of what is driven after it, d_k to
+    the end (in the frame a step is measured in), a turn carries off the end:
+
+        s_k = drift_m^2 dt + slip_m^2 l,   r_k = drift_rad^2 dt + slip_rad^2 a
+        place, place:  sum s_k + r_k (|d_k|^2 - d_k d_k')      turn, turn:  sum r_k      place, turn:  -sum r_k [d_k] R
+
+    Law: covariances of steps compose, through a keyframe or past it.
+    """
+    if len(keyframes) < 2:
+        return np.zeros((0, 6, 6))
+    inside = track.ticks[(track.ticks > keyframes[0]) & (track.ticks < keyframes[-1])]
+    chord = inside // round(CHORD_S * TICKS_PER_S)
+    at = np.union1d(keyframes, inside[np.append(True, np.diff(chord) > 0)] if len(inside) else inside)
+    poses, _ = interpolate(track.ticks, track.poses, at, int(track.ticks[-1] - track.ticks[0]))
+    dt, moves = np.diff(at) / TICKS_PER_S, poses[1:].minus(poses[:-1])
+    way, turn = np.linalg.norm(moves[:, :3], axis=1), np.linalg.norm(moves[:, 3:], axis=1)
+    s = noise.drift_m**2 * dt + noise.slip_m**2 * way
+    r = noise.drift_rad**2 * dt + noise.slip_rad**2 * turn
+    step = np.searchsorted(keyframes, at[1:]) - 1
+    ends = poses[np.searchsorted(at, keyframes)]
+    first, last = ends[:-1][step], ends[1:][step]
+    d = np.einsum("kji,kj->ki", first.rotation, last.translation - poses.translation[1:])
+    crossed = so3.hat(d)
+    rotation = np.swapaxes(first.rotation, 1, 2) @ last.rotation
+    each = np.zeros((len(step), 6, 6))
+    each[:, :3, :3] = s[:, None, None] * np.eye(3) + r[:, None, None] * crossed @ np.swapaxes(crossed, 1, 2)
+    each[:, :3, 3:] = -r[:, None, None] * crossed @ rotation
+    each[:, 3:, :3] = np.swapaxes(each[:, :3, 3:], 1, 2)
+    each[:, 3:, 3:] = r[:, None, None] * np.eye(3)
+    return np.asarray(np.add.reduceat(each, np.searchsorted(step, np.arange(len(keyframes) - 1))))
 
 
 def moved(track: Track, ticks: IntArray, over_s: Array, noise: WayNoise, longest_s: float = 1.0) -> Pose:

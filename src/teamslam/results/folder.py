@@ -6,7 +6,8 @@ What is in it:
     map.npz            the maps of all components as plain numpy arrays (see `archive`)
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
     tum/               each robot's way, for evo and others
-    figures/           the map with its ellipses and the truth, convergence, residuals, errors over time, consistency
+    figures/           the map with its ellipses and the truth, convergence, residuals, errors over time, consistency;
+                       of recordings also figures 5 to 7 of the paper (see `experiment`)
     report.html        all of it as one page: open it in a browser
     report.json        figures for scripts            config.toml     every option as used
     residuals.csv      what every row of the log leaves at the map (see `residuals`)

@@ -1,6 +1,6 @@
 """The images in which a map fits worst and best, with the corners as they were seen and as the map has them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,25 +37,36 @@ def write_frames(found: Sequence[Reprojected], team: TeamFile, folder: Path, out
         for k, (_, _, n, t) in enumerate(some, 1)
     }
     done = 0
-    for number in sorted({n for n, _ in named}):
+    for number, tick, image in pictures_at(found, set(named), team, folder):
         one = found[number]
-        wanted = {t: name for (n, t), name in named.items() if n == number}
+        _write(image, one.select(one.ticks == tick), out / f"{named[number, tick]}.png")
+        done += 1
+    return done
+
+
+def pictures_at(
+    found: Sequence[Reprojected], wanted: set[tuple[int, int]], team: TeamFile, folder: Path
+) -> Iterator[tuple[int, int, AnyArray]]:
+    """The grey values of some images, each by the number of its camera among `found` and its keyframe's tick, camera by
+    camera; those that cannot be read are left out."""
+    for number in sorted({n for n, _ in wanted}):
+        one = found[number]
+        left = {t for n, t in wanted if n == number}
         entry = next(robot for robot in team.robot if robot.name == one.robot)
         late = round(one.entry.delay_s * TICKS_PER_S)
         with images_of(entry, one.entry, folder) as pictures:
             for picture in pictures.each():
-                tick = next((t for t in wanted if abs(picture.tick - late - t) <= NEAR_S * TICKS_PER_S), None)
+                tick = next((t for t in left if abs(picture.tick - late - t) <= NEAR_S * TICKS_PER_S), None)
                 if tick is None:
                     continue
                 try:
                     image = picture.grey()
                 except Unusable:
                     continue
-                _write(image, one.select(one.ticks == tick), out / f"{wanted.pop(tick)}.png")
-                done += 1
-                if not wanted:
+                yield number, tick, image
+                left.remove(tick)
+                if not left:
                     break
-    return done
 
 
 def _write(image: AnyArray, sightings: Reprojected, path: Path) -> None:

@@ -64,7 +64,8 @@ def assess(
 ) -> Assessment:
     """How far the map of a log is to be believed; `at`: the log at each component's map.
 
-    `submaps`: what it was joined of; without any (full least squares) nobody is suspected. `known`: suspicions that
+    `submaps`: what it was joined of; without any (full least squares), and while the size of a tag is wrong, nobody is
+    suspected. `known`: suspicions that
     there were before the log was changed. `rejecting`: wrong sightings were left out of the log; where not,
     `probability` is that one is wrong (None: by the data). `stage` hears what is looked at next.
     """
@@ -76,7 +77,8 @@ def assess(
         wrong = looks_wrong(log, judged.rows, fits=fits, probability=probability)
         judged = _told_by(judged, wrong)
     suspected = known
-    if known is None and submaps:
+    sized = any(cause.kind == "size" for cause in judged.causes)  # of such a tag each robot has another place
+    if known is None and submaps and not sized:
         stage("suspicions")
         suspected = suspicions(log, submaps, joined)
     stage("weak directions")

@@ -5,6 +5,7 @@ from teamslam.viz.coloured import draw_error_map, draw_residual_map
 from teamslam.viz.compared import ErrorCloud, draw_comparison
 from teamslam.viz.convergence import draw_convergence
 from teamslam.viz.errors import ErrorTrack, draw_consistency, draw_errors
+from teamslam.viz.experiment import View, draw_positions, draw_views
 from teamslam.viz.maps import draw_map, draw_maps, frame_name, plan_axes
 from teamslam.viz.plans import draw_plan
 from teamslam.viz.residuals import ResidualTrack, draw_residuals, draw_residuals_by_landmark
@@ -20,6 +21,7 @@ __all__ = [
     "ResidualTrack",
     "Scene",
     "Side",
+    "View",
     "draw_clocks",
     "draw_comparison",
     "draw_consistency",
@@ -29,9 +31,11 @@ __all__ = [
     "draw_map",
     "draw_maps",
     "draw_plan",
+    "draw_positions",
     "draw_residual_map",
     "draw_residuals",
     "draw_residuals_by_landmark",
+    "draw_views",
     "frame_name",
     "plan_axes",
     "robot_colour",

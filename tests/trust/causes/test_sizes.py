@@ -14,6 +14,8 @@ def test_the_tag_of_another_size_is_named(seed, factor, tmp_path):
     assert not ts.run(team).verdict.causes
     text = team.read_text()
     team.write_text(text.replace("[tags]\n", f"[tags]\nsizes_m = {{ 3 = {factor * tagged_room.SIZE} }}\n", 1))
-    (cause,) = ts.run(team).verdict.causes
+    result = ts.run(team)
+    (cause,) = result.verdict.causes
+    assert result.suspicions is None  # nobody says that it was moved
     assert cause.kind == "size" and cause.is_mistake and "the size of tag 3 is wrong" in cause.sentence
     assert float(cause.sentence.split()[-2]) == pytest.approx(tagged_room.SIZE, rel=0.02)
