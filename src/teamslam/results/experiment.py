@@ -35,8 +35,9 @@ def figures_of_experiment(
     if views := views_of(found, team, folder):
         figures["figure_5"] = draw_views(views, f"{source}: what was to be seen")
     if record.truth is not None:
-        scene = replace(scene_of(record, 0), weak=None)
-        figures["figure_6"] = draw_positions(scene, f"{headline(record, 0)}, beside the truth")
+        for n in range(len(record.maps)):
+            drawn = draw_positions(replace(scene_of(record, n), weak=None), f"{headline(record, n)}, beside the truth")
+            figures[f"figure_6_{n + 1}" if n else "figure_6"] = drawn
     if maps is not None and (lines := _objectives(maps.maps)):
         figures["figure_7"] = draw_convergence(
             lines, f"{source}: the objective in the last solve of each method", "objective"
