@@ -89,7 +89,7 @@ class Driver:
             "ended": self.leave(),
             "alive": [names.robot(number) for number in sorted(self.member.link.alive)],
             "making": self.member.busy,
-            "rounds": self.member.account | {"busy": self.member.rounds.busy},
+            "rounds": {"busy": self.member.rounds.busy, "parts": self.member.accounts},
             "at": names.describe(now.key) if now is not None else None,
             "rows": {"taken": robot.counts.taken, "repeated": robot.counts.repeated, "late": robot.counts.late},
             "holds": [f"{entry.id}, version {entry.version}" for entry in peer.listing.entries if not entry.knows],

@@ -93,10 +93,14 @@ class Member:
         return self.mapper.busy(self.robot) or self.scribe.busy(self.peer)
 
     @property
-    def account(self) -> dict[str, Any]:
-        """What exact rounds came to: their `exactness` (None: there is none), and why there is none."""
-        found = self.rounds.exactness
-        return {"exactness": None if found is None else asdict(found), "why": self.rounds.why}
+    def accounts(self) -> list[dict[str, Any]]:
+        """What exact rounds came to, part by part of the map: whose it is, their `exactness` (None: there is none),
+        `why` there is none, and whose submaps stood `as_sent`."""
+        name = self.robot.head.names.robot
+        return [
+            asdict(found) | {"robots": list(map(name, found.robots)), "as_sent": list(map(name, found.as_sent))}
+            for found in self.rounds.accounts
+        ]
 
     def others(self) -> tuple[Submap, ...]:
         """What it has heard."""

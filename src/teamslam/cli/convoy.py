@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from teamslam.cli.driving import Source
     from teamslam.duty import Duty
     from teamslam.errors import InputError
-    from teamslam.model import Dataset
+    from teamslam.model import Dataset, Submap
     from teamslam.robot.link.zenoh import Address
     from teamslam.robot.packets import Body
 
@@ -30,7 +31,6 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.convoy import Driver
     from teamslam.events import Events
     from teamslam.fleet import Member
-    from teamslam.io import write_submaps
     from teamslam.io.files.whole import whole_file
     from teamslam.io.submaps.arrays import file_name, write_submap
     from teamslam.live import Mapper, begun
@@ -89,8 +89,8 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     for submap in driver.member.mapper.atlas.submaps:
         write_submap(submap, out / "submaps" / file_name(submap))
     made = joined(driver.member.peer.held)
-    if made is not None:
-        write_submaps([component.map for component in made.components], out / "maps")
+    written_anew([component.map for component in made.components] if made is not None else [], out / "maps")
+    written_anew(driver.member.rounds.maps, out / "exact")
     for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
         complain(trouble)
     if wrong:
@@ -99,6 +99,16 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     events.tell("ended", code=code)
     events.close()
     return code
+
+
+def written_anew(parts: "Sequence[Submap]", folder: Path) -> None:
+    """The parts of a map in place of those that a folder holds of an earlier time."""
+    from teamslam.io import write_submaps
+
+    if folder.is_dir():
+        shutil.rmtree(folder)
+    if parts:
+        write_submaps(parts, folder)
 
 
 def _known(bodies: "Sequence[Body]") -> set[bytes]:

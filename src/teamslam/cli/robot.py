@@ -73,8 +73,8 @@ def robot(
         The name of the team that it exchanges submaps with [default: team].
     listen
         Where it can be reached by its team, as 192.168.1.3:7447. Without it, it drives alone. With it, it goes on
-        talking when its rows have ended, until it is ended (SIGTERM, Ctrl-C); then it writes the team map into `maps/`.
-        How it stands is in `status.json` all the time.
+        talking when its rows have ended, until it is ended (SIGTERM, Ctrl-C); then it writes the team map into `maps/`,
+        and where exact rounds have put it into `exact/`. How it stands is in `status.json` all the time.
     connect
         Where some of its team can be reached; of the others it learns from them.
     certificates

@@ -1,6 +1,7 @@
 """`teamslam team`: a whole team that drives and exchanges, from its log, on one machine."""
 
 import json
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,7 +39,8 @@ def team(
     `robots`). With --in-memory, or where links are to be poor, all is one process: its links lose, delay and repeat
     packets by a seed, in the log's time. Robots tell what they hold, ask for what they lack and pass on what they
     heard, until all hold the same; each makes the team map of it. In the folder: `report.json`, `maps/`, the parts of
-    the team map, and of robots in processes their own folders, with their journals.
+    the team map, `exact/`, the same where exact rounds have put them, and of robots in processes their own folders,
+    with their journals.
 
     ```
     teamslam team MRCLAM_Dataset6 --out team
@@ -101,13 +103,17 @@ def team(
         )
     if sockets:
         report, parts = _in_processes(log, dataset, options, habits, out, speed, kill, seed, format)
+        exact: Sequence[Submap] = ()  # in the robots' folders
     else:
         found = fleet(dataset, options, habits=habits, weather=weather, seed=seed)
         report, joined = report_of(dataset, found, options)
         parts = [component.map for component in joined.components] if joined is not None else []
+        exact = next(iter(found.members.values())).rounds.maps
     with nullcontext(out) if sockets else whole_folder(out) as draft:
         if parts:
             write_submaps(parts, draft / "maps")
+        if exact:
+            write_submaps(exact, draft / "exact")
         (draft / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     as_offline = report["equal_to_offline"] or report["in_short"] > 0  # what is in short is not there to the bit
     whole = report["maps_equal"] and as_offline and report["components"] == 1

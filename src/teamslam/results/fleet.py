@@ -5,10 +5,11 @@ maps_equal        whether all robots' maps are equal, to the bit;   settled_s: h
 equal_to_offline  whether they are the join of the submaps that `split` and `build` make of the same log, to the bit
 in_short          how many submaps went rounded or condensed, because links are tight: then the map is not the
                   offline one to the bit
-rounds            exact rounds between robots on the first part of the team map: the `exactness` that they came to, or
-                  `why` there is none
+rounds            exact rounds between robots, for each part of the team map: its `robots`, the `exactness` that they
+                  came to, or `why` there is none, and whose submaps stood `as_sent`, because these robots were away
 components        parts of the team map;   missing, refused: what robots know of and lack, or were refused
 robot_position_rmse_m, landmark_rmse_m      of the first part of the team map, against the truth
+exact             the same two of the first robot's map after exact rounds, as far as there is one
 online_position_rmse_m                      of the poses told at the time, aligned robot by robot
 alone             the same two of each robot with nothing but its own log
 links             bytes from whom to whom: bodies (by kind: sparse, partial, condensed, announcement, removal) and all
@@ -53,9 +54,10 @@ def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, A
         "equal_to_offline": set(bits.values()) == {offline},
         "in_short": max(member.peer.in_short for member in members.values()),
         "settled_s": found.settled_s,
-        "rounds": next(iter(members.values())).account,
+        "rounds": _rounds([member.accounts for member in members.values()]),
         "components": len(first.components) if first is not None else 0,
         **_scores(whole, log.truth),
+        "exact": _scores(next(iter(next(iter(members.values())).rounds.maps), None), log.truth),
         "online_position_rmse_m": _online([told_of(e) for m in members.values() for e in m.told], log.truth),
         "alone": {names.robot(number): _scores(_alone(member), log.truth) for number, member in members.items()},
         "links": links_of(found, names),
@@ -150,6 +152,16 @@ def _robot(member: Member) -> dict[str, Any]:
     }
 
 
+def _rounds(accounts: Sequence[Sequence[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Of what robots say of each part of the map, that of one who knows how its rounds ended, or else why not."""
+    parts: dict[tuple[str, ...], dict[str, Any]] = {}
+    for account in (account for of_robot in accounts for account in of_robot):
+        held = parts.setdefault(tuple(account["robots"]), account)
+        if held["exactness"] is None and (account["exactness"] is not None or not held["why"]):
+            parts[tuple(account["robots"])] = account
+    return list(parts.values())
+
+
 def _scores(map: Submap | None, truth: Values | None) -> dict[str, float | None]:
     scored = score(map, truth) if map is not None and truth is not None else None
     return {
@@ -186,7 +198,8 @@ def report_of_folders(
     log: Dataset, out: Path, statuses: Mapping[str, Mapping[str, Any]], options: Options
 ) -> tuple[dict[str, Any], list[Submap]]:
     """The record of robots that wrote a folder each, by name, and the parts of the first one's map."""
-    maps = {name: read_submaps(out / name / "maps") if (out / name / "maps").is_dir() else [] for name in statuses}
+    maps = {name: _parts_in(out / name / "maps") for name in statuses}
+    exact = [_parts_in(out / name / "exact") for name in statuses]
     bits = {name: bits_of_parts(parts) for name, parts in maps.items()}
     offline = bits_of(joined(SubmapSet.of(*offline_submaps(log, options))))
     first = next(iter(maps.values()), [])
@@ -205,9 +218,10 @@ def report_of_folders(
         "maps_equal": len(set(bits.values())) == 1,
         "equal_to_offline": set(bits.values()) == {offline},
         "in_short": max(status.get("in_short", 0) for status in statuses.values()),
-        "rounds": {what: next(iter(statuses.values()))["rounds"][what] for what in ("exactness", "why")},
+        "rounds": _rounds([status["rounds"]["parts"] for status in statuses.values()]),
         "components": len(first),
         **_scores(first[0] if first else None, log.truth),
+        "exact": _scores(next((parts[0] for parts in exact if parts), None), log.truth),
         "online_position_rmse_m": _online([t for name in statuses for t in _told_in(out / name, log)], log.truth),
         "alone": {name: _scores(made.map if made else None, log.truth) for name, made in alone.items()},
         "links": [
@@ -226,6 +240,10 @@ def report_of_folders(
         ],
     }
     return record, first
+
+
+def _parts_in(folder: Path) -> list[Submap]:
+    return read_submaps(folder) if folder.is_dir() else []
 
 
 def _told_in(folder: Path, log: Dataset) -> list[Told]:

@@ -103,9 +103,11 @@ class Announcement(msgspec.Struct, frozen=True, tag="knows", array_like=True, fo
 
 
 class Question(msgspec.Struct, frozen=True, tag="exact", array_like=True, forbid_unknown_fields=True):
-    """A question of exact rounds on the set that `root` names: of which attempt, and which one."""
+    """A question of exact rounds on the set that `root` names: on which part of its map, of which attempt, and which
+    one."""
 
     root: Digest
+    part: Count
     attempt: Count
     n: Count
     data: bytes
@@ -115,6 +117,7 @@ class Answer(msgspec.Struct, frozen=True, tag="found", array_like=True, forbid_u
     """The answer to a question of exact rounds."""
 
     root: Digest
+    part: Count
     attempt: Count
     n: Count
     data: bytes

@@ -258,7 +258,7 @@ class Parts:
                 return [part.reduce(curvature) for part in self.parts]
             case Try(values, share):
                 self._moved = [part.moved(values, share) for part in self.parts]
-                return [part.system.cost(there) for part, there in zip(self.parts, self._moved, strict=True)]
+                return [part.cost(there) for part, there in zip(self.parts, self._moved, strict=True)]
             case Take():
                 for part, values in zip(self.parts, self._moved, strict=True):
                     part.values = values

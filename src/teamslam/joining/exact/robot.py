@@ -18,9 +18,10 @@ import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.build.problem import gaussian_part
+from teamslam.joining.condense import condense
 from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Dataset, Layout, Submap, Table, Values
-from teamslam.solver import Factor, System
+from teamslam.solver import Factor, SubmapTerm, System
 from teamslam.solver.linear import block_matrix
 from teamslam.solver.newton import Curvature
 
@@ -76,22 +77,40 @@ def _numbers_of_blocks(submap: Submap) -> int:
 
 
 class Part:
-    """One submap with the piece of log it was built of, at a point `values` in its own frame."""
+    """One submap at a point `values` in its own frame, with the rows that tell of it there (`system`), or what was sent
+    of it in place of rows; `floor`: what it costs besides."""
 
-    def __init__(self, piece: Dataset, submap: Submap, separators: IntArray) -> None:
-        self.submap = submap
-        robot = piece.tables[0].robot
-        own = submap.trajectory_keys(robot)
-        self.values = submap.all_values
-        inside, _ = gaussian_part(piece.tables, robot, own, self.values.layout)
-        self.system = System(self.values.layout, tables=inside, fixed=np.array([submap.base]), names=piece.names)
-        free = self.system.free
-        self.sending = Sending.of(submap, separators)
-        self.sends_whole, self.keep, self.kept = self.sending.whole, self.sending.keep, self.sending.kept
-        self._columns = free.unknowns(self.kept.keys)
-        last = None if self.sends_whole else np.flatnonzero(self.keep)
-        self._factor = Factor(free, self.system.pattern, last=last, names=piece.names)
+    def __init__(
+        self, submap: Submap, sending: Sending, system: System, values: Values, kept: Layout, floor: float = 0.0
+    ) -> None:
+        self.submap, self.sending, self.system, self.values, self._floor = submap, sending, system, values, floor
+        free = system.free
+        self.kept, self.sends_whole = kept, len(kept) == len(free)
+        self._columns = free.unknowns(kept.keys)
+        last = None if self.sends_whole else np.flatnonzero(np.isin(free.keys, kept.keys))
+        self._factor = Factor(free, system.pattern, last=last, names=submap.names)
         self._gradient = np.zeros(free.dof)
+
+    @classmethod
+    def of(cls, piece: Dataset, submap: Submap, sending: Sending) -> "Part":
+        """A submap with the piece of log it was built of."""
+        robot = piece.tables[0].robot
+        values = submap.all_values
+        inside, _ = gaussian_part(piece.tables, robot, submap.trajectory_keys(robot), values.layout)
+        system = System(values.layout, tables=inside, fixed=np.array([submap.base]), names=piece.names)
+        return cls(submap, sending, system, values, sending.kept)
+
+    @classmethod
+    def as_sent(cls, submap: Submap, sending: Sending) -> "Part":
+        """A submap whose rows nobody can be asked for: it stays the Gaussian that it is."""
+        rest = submap if sending.whole else condense(submap, sending.kept.keys)[0]
+        values = rest.all_values
+        system = System(values.layout, submaps=[SubmapTerm.of(rest)], fixed=np.array([submap.base]), names=submap.names)
+        return cls(submap, sending, system, values, sending.kept, submap.cost)
+
+    def cost(self, values: Values) -> float:
+        """What it costs at another point."""
+        return self.system.cost(values) + self._floor
 
     @property
     def separators(self) -> Values:
@@ -105,11 +124,11 @@ class Part:
         rounding, n = self.system.rounding(self.values), self.kept.dof
         if self.sends_whole:
             whole = at.hessian.to_csr()
-            return Reduced(whole, at.gradient, at.cost, 0.0, self.sending.numbers, rounding)
+            return Reduced(whole, at.gradient, at.cost + self._floor, 0.0, self.sending.numbers, rounding)
         complement, slope = self._factor.eliminate(at.hessian.numbers, at.gradient)
         at_rest = self._factor.back_substitute(np.zeros(n), at.gradient)
         interior = float(at.gradient @ at_rest)
-        return Reduced(dense(complement), slope, at.cost, interior, self.sending.numbers, rounding)
+        return Reduced(dense(complement), slope, at.cost + self._floor, interior, self.sending.numbers, rounding)
 
     def moved(self, values: Values, share: float) -> Values:
         """The robot's estimate with its separators where a map has them, by this share of a step."""
@@ -135,7 +154,7 @@ def parts_of(
     submaps = [submap for _, submap in members]
     raw, _ = usable_rows([t for s in submaps for t in s.raw], layout, world=world)
     separators = separators_of(submaps, raw)
-    return [Part(piece, submap, separators) for piece, submap in members], raw
+    return [Part.of(piece, submap, Sending.of(submap, separators)) for piece, submap in members], raw
 
 
 def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
