@@ -85,7 +85,7 @@ def drawing(record: Record, config: Config) -> Iterator[Callable[[Path], list[Pa
 def _draw(record: Record, config: Config, answer: Connection) -> None:
     """What the second process does. It says nothing itself, and an interruption is its parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    gc.freeze()  # what it inherits is not its to look through
+    gc.disable()  # what it inherits is not its to look through, and it ends when it is done
     try:
         figures = {f"figures/{name}.png": png_of(figure) for name, figure in figures_of(record).items()}
         answer.send(figures | {PAGE: page_bytes(record, config)})

@@ -19,7 +19,7 @@ import numpy as np
 
 from teamslam.answers.residuals import Residuals, residuals_in_words
 from teamslam.errors import InputError
-from teamslam.io.files.letters import Letters, integers, lines, significant, spelled, words
+from teamslam.io.files.letters import Letters, fixed, integers, lines, significant, words
 from teamslam.trust import Verdict
 
 
@@ -47,7 +47,7 @@ def _columns(part: Residuals, widest: int) -> list[Letters]:
     return [
         words([whose], np.zeros(len(part.row), np.int64)),
         integers(part.row),
-        spelled(part.stamp_s, lambda stamp: "" if stamp != stamp else f"{stamp:.6f}"),
+        fixed(part.stamp_s, 6),
         words([_cells([target]) for target in part.targets], part.target),
         significant(part.weight, 4),
         *(significant(u, 5) for u in part.whitened.T),

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teamslam.io.files.letters import Letters, integers, lines, significant, spelled, words
+from teamslam.io.files.letters import Letters, fixed, integers, lines, significant, spelled, words
 
 
 def texts(column: Letters) -> list[str]:
@@ -38,6 +38,21 @@ def test_many_numbers_of_all_sizes_are_those_of_python(seed: int, digits: int) -
     rng = np.random.default_rng(seed)
     numbers = rng.normal(size=3000) * 10.0 ** rng.uniform(-7.0, 7.0, 3000)
     assert texts(significant(numbers, digits)) == [f"%.{digits}g" % number for number in numbers]
+
+
+@given(st.lists(ANY, max_size=40), st.integers(1, 9))
+def test_numbers_with_so_many_decimals_are_those_of_python(numbers: list[float], decimals: int) -> None:
+    said = ["" if number != number else f"{number:.{decimals}f}" for number in numbers]
+    assert texts(fixed(np.array(numbers, float), decimals)) == said
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_stamps_are_those_of_python(seed: int) -> None:
+    """Of a day and of the epoch, at whole and at half microseconds among them."""
+    rng = np.random.default_rng(seed)
+    ticks = rng.integers(0, 86_400_000_000, 3000) + rng.choice([0, 1_700_000_000_000_000], 3000)
+    stamps = ticks / 1e6 + rng.choice([0.0, 0.5e-6, 1e-9], 3000)
+    assert texts(fixed(stamps, 6)) == [f"{stamp:.6f}" for stamp in stamps.tolist()]
 
 
 @given(st.lists(st.one_of(st.integers(0, 2**62), st.integers(0, 12), st.integers(-(2**62), -1)), max_size=40))

@@ -19,7 +19,6 @@ from itertools import combinations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.by_targets import by_targets
@@ -79,6 +78,8 @@ class _Visits:
 
     def parts(self) -> list[IntArray]:
         """Rows that images with several visits tie together."""
+        from scipy.sparse.csgraph import connected_components
+
         n, v = len(self.poses), len(self.tag)
         graph = sp.coo_array((np.ones(len(self.frame)), (self.frame, n + self.of_row)), shape=(n + v, n + v))
         part = connected_components(graph, directed=False)[1][self.frame]

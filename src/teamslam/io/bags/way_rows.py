@@ -2,7 +2,6 @@
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
@@ -44,6 +43,8 @@ def way_of(robot: Seen, number: int, ticks: IntArray, book: Book) -> list[Table]
 def _ties(robot: Seen, ticks: IntArray) -> IntArray:
     """Pairs (n, 2) of keyframes of a robot without odometry: each with the next of those that share tags with it, or
     with others that do, and so on. Between such parts nothing is known, not even that the camera hardly moved."""
+    from scipy.sparse.csgraph import connected_components
+
     views = robot.views
     frame = np.concatenate(
         [np.zeros(0, np.int64), *(np.searchsorted(ticks, keyframe_of(ticks, v.ticks)) for v in views)]

@@ -63,6 +63,23 @@ def significant(numbers: Array, digits: int) -> Letters:
     return out
 
 
+def fixed(numbers: Array, decimals: int) -> Letters:
+    """Numbers (n,) with so many digits behind the point, as `%.6f` writes them; what is no number is left empty."""
+    plain = (numbers < 2.0**52 / 10.0**decimals) & ~np.signbit(numbers)
+    scaled = np.where(plain, numbers, 0.0) * 10.0**decimals
+    rounded = np.rint(scaled)
+    sure = plain & (np.abs(np.abs(scaled - rounded) - 0.5) > np.maximum(1e-6, 4.0 * np.spacing(scaled)))
+    whole, behind = np.divmod(rounded.astype(np.int64), 10**decimals)
+    point = np.full((len(numbers), 1), POINT, np.uint8)
+    out = np.concatenate([integers(whole), point, _digits(behind, decimals)], -1)
+    out[~sure] = EMPTY
+    rest = spelled(numbers[~sure], lambda number: "" if number != number else f"{number:.{decimals}f}")
+    if rest.shape[1] > out.shape[1]:
+        out = np.pad(out, ((0, 0), (0, rest.shape[1] - out.shape[1])), constant_values=EMPTY)
+    out[~sure, : rest.shape[1]] = rest
+    return out
+
+
 def lines(columns: Sequence[Letters]) -> Iterator[bytes]:
     """Rows of cells with commas between them, a line each, many lines at a time."""
     width = sum(column.shape[1] + 1 for column in columns)

@@ -124,11 +124,11 @@ def taken_from(table: Table) -> IntArray:
 
 def apart(stretch: Dataset, robot: int) -> list[Dataset]:
     """The parts of a stretch, in time order, that the robot's relative poses hold together."""
-    from scipy.sparse.csgraph import connected_components
-
     poses = stretch.pose_keys[robot]
     if not len(poses) or np.isfinite(heading_variances(stretch, robot, poses)).all():
         return [stretch]
+    from scipy.sparse.csgraph import connected_components
+
     stands, links = [], [np.zeros((0, 2), np.int64)]
     for table in stretch.tables:
         stands.append(np.searchsorted(poses, np.maximum(taken_from(table), poses[0])))

@@ -48,13 +48,13 @@ def own_chain(piece: Dataset, robot: int) -> IntArray:
     closures into another piece); in a graph that runs otherwise, all that hang together. Raises ModelError where an
     observer hangs on nothing.
     """
-    from scipy.sparse.csgraph import connected_components
-
     poses = piece.pose_keys[robot]
     which, _, _ = odometry_links(piece, robot, poses)
     gaps = np.flatnonzero(which < 0)
     if not len(gaps):
         return poses
+    from scipy.sparse.csgraph import connected_components
+
     chain = poses[: gaps[0] + 1]
     observers = np.concatenate([_earlier(table, robot) for table in piece.tables])
     observers = observers[robot_of(observers) == robot]

@@ -100,13 +100,13 @@ class Conditioned:
 
     def weakest(self) -> tuple[Array, float]:
         """The direction v (dof,), of length one in M, and its variance mu."""
-        from scipy.sparse.linalg import LinearOperator, eigsh
-
         root = np.sqrt(self.knowledge.weight)
         dof = len(root)
         if dof <= DENSE:
             values, vectors = np.linalg.eigh(self._times(np.eye(dof)))
             return vectors[:, -1] / root, float(values[-1])
+        from scipy.sparse.linalg import LinearOperator, eigsh
+
         operator = LinearOperator((dof, dof), matvec=self._times, matmat=self._times, dtype=float)
         start, _ = self._sketch
         values, vectors = eigsh(operator, k=1, v0=start, which="LA", tol=1e-6)
