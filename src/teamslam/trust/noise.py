@@ -8,6 +8,7 @@ Noise changes its sign from one sighting of a thing to the next as often as not;
 is off by nearly the same for a while. So residuals that keep their sign say nothing of sigmas, however large they are.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -20,11 +21,16 @@ from teamslam.trust.residuals import Rows
 from teamslam.trust.tally import kind_of
 
 MEDIAN = 0.6744898  # of |x|, x Gaussian
+IN_THE_TAIL = 0.001
 ONE_IN_1000 = 3.2905267  # |x| beyond it
 FEWEST = 30  # rows to speak of a spread
 LEFT = 0.3  # of the variance: where a map follows a part more closely, what is left says little of the sigma
 FEWEST_PAIRS = 10  # of one thing seen twice running, to speak of signs
 KEPT = 0.65  # of the signs, at most, of what is noise
+WORTH_A_WORD = 0.02  # of a sensor's rows
+BY_CHANCE = (
+    1e-5  # of a part of a sensor: a team of a hundred such parts is told of outliers by chance once in a thousand
+)
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,18 @@ class Noise:
     scale: float
     outliers: float
     kept: float = 0.5
+
+    @property
+    def has_outliers(self) -> bool:
+        """Whether there are more outliers than a word is worth, and than chance makes of as many rows.
+
+        Of n rows k are beyond what one in a thousand is with probability exp(-n KL(k/n, 1/1000)) at most (Chernoff).
+        """
+        share, bulk = self.outliers + IN_THE_TAIL, 1.0 - IN_THE_TAIL - self.outliers
+        rare = share * math.log(share / IN_THE_TAIL) + (
+            bulk * math.log(bulk / (1.0 - IN_THE_TAIL)) if bulk > 0 else 0.0
+        )
+        return self.outliers > WORTH_A_WORD and self.rows * rare > -math.log(BY_CHANCE)
 
     @property
     def is_noise(self) -> bool:
@@ -71,7 +89,7 @@ def _parts(group: Sequence[Rows]) -> Iterator[tuple[str, int, float, float, floa
         size = np.abs(parts[measured, place])
         scale = float(np.median(size)) / MEDIAN / np.sqrt(left)
         beyond = np.mean(size > ONE_IN_1000 * max(scale, 1.0) * np.sqrt(left))
-        yield name, count, scale, max(float(beyond) - 0.001, 0.0), float(kept[place])
+        yield name, count, scale, max(float(beyond) - IN_THE_TAIL, 0.0), float(kept[place])
 
 
 def _names(rows: Rows) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from teamslam.trust.cause import rows_called
 from teamslam.trust.fit import Verdict, far_by_its_join
 
-MANY = 0.02  # of a sensor's rows: outliers that are worth a word
 MOST = 2  # words on outliers in one sentence
 MATTERS = 0.02  # of the cost: a join's own part of it
 
@@ -34,7 +33,7 @@ def _judged(found: Verdict, times: float) -> str:
 
 def _outliers(found: Verdict) -> Iterator[str]:
     """Words on the sensors with the most outliers, where the verdict is not worse than they are."""
-    many = [n for n in found.noise if n.outliers > MANY and not found.gross]
+    many = [n for n in found.noise if n.has_outliers and not found.gross]
     for n in sorted(many, key=lambda n: -n.outliers)[:MOST]:
         who = found.names.robot(n.robot)
         yield f"; {n.outliers:.0%} of robot {who}'s {rows_called(n.source)} are outliers in {n.part}"

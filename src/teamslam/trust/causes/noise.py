@@ -11,7 +11,6 @@ from teamslam.trust.residuals import Rows
 
 TOO_SMALL = 1.5  # times: a sigma that is worth a word
 BENT = 3.0  # times: residuals so large that are no noise, which bend the map and the residuals of all others with it
-MANY = 0.02  # of a sensor's rows: outliers that are
 WORTH = 0.1  # of the excess, that must be explained
 
 
@@ -23,7 +22,7 @@ def noise_causes(noise: Sequence[Noise], rows: Sequence[Rows], excess: float, na
     for source in dict.fromkeys(n.source for n in noise):
         here = [n for n in noise if n.source == source]
         small = [(n, _gone(n, rows, n.scale)) for n in here if n.scale > TOO_SMALL and n.is_noise and not bent]
-        wild = [(n, _gone(n, rows, None)) for n in here if n.outliers > MANY]
+        wild = [(n, _gone(n, rows, None)) for n in here if n.has_outliers]
         if small:
             found.append(_sigma(source, small, excess, names))
         if wild:
