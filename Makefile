@@ -47,7 +47,7 @@ $(BIN)/python:
 
 # The kernel is compiled on installing: a change of its sources installs again.
 $(VENV)/.ready: $(SOURCES) | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[tags]"
 	@touch $@
 
 $(VENV)/.ready-for-tests: $(SOURCES) | $(BIN)/python

@@ -7,6 +7,7 @@ from teamslam.cli.numbers import Whole
 
 if TYPE_CHECKING:
     from teamslam.io.bags.team_file import TeamFile
+    from teamslam.pipeline import Progress
     from teamslam.sim.film import Film
 
 
@@ -59,18 +60,14 @@ def film(
     to
         mcap (ROS 2) or bag (ROS 1).
     """
-    import json
-    from dataclasses import asdict, replace
+    from dataclasses import replace
     from shlex import quote
 
     from teamslam.cli.console import answer, progress_bar, say
     from teamslam.cli.shown import PRESETS as BOARDS
     from teamslam.cli.shown import film_board
     from teamslam.errors import InputError
-    from teamslam.io.bags.team_file import write_team_file
-    from teamslam.io.bags.written import KINDS, image_messages, odometry_messages, pose_messages, write_recording
-    from teamslam.io.files.text import write_text
-    from teamslam.results import made_folder
+    from teamslam.io.bags.written import KINDS
     from teamslam.results.words import counted
     from teamslam.sim.film import PRESETS
     from teamslam.sim.film import film as filmed
@@ -91,32 +88,45 @@ def film(
         images_hz=options.images_hz if images_hz is None else images_hz,
     )
     made = filmed(options, seed)
-    team = team_of(made, KINDS[to])
-    made_folder(out)
     with progress_bar() as progress:
-        for robot in made.robots:
-            stage = f"filming robot {robot + 1}"
-
-            def images(robot: int = robot, stage: str = stage):  # type: ignore[no-untyped-def]
-                for k, frame in enumerate(made.frames(robot), 1):
-                    progress(stage, k, len(made.stamps_s))
-                    yield frame.tick, frame.image
-
-            streams = (
-                odometry_messages("/odom", made.odometry(robot)),
-                pose_messages("/mocap/pose", made.truth(robot)),
-                image_messages("/camera", images(), options.camera, "camera"),
-            )
-            write_recording(out / team.robot[robot].recording, to, streams)
-    write_team_file(team, out / "team.toml")
-    if made.options.off_clocks:
-        write_text(out / "clocks.json", json.dumps(asdict(made.clocks), indent=1) + "\n")
+        write_film(made, out, to, progress)
     frames = len(made.stamps_s) * len(made.robots)
     say(f"filmed: {counted(len(made.robots), 'robot', frames, 'image')}, and the truth")
     say(f"written: {out}")
     say(f"next: teamslam run {quote(str(out / 'team.toml'))} --out {quote(f'{out}-map')}")
     answer({"written": str(out), "robots": len(made.robots), "images": frames})
     return 0
+
+
+def write_film(made: "Film", out: Path, to: str, progress: "Progress") -> None:
+    """The recordings of a film and its team file, into a folder, which is made."""
+    import json
+    from dataclasses import asdict
+
+    from teamslam.io.bags.team_file import write_team_file
+    from teamslam.io.bags.written import KINDS, image_messages, odometry_messages, pose_messages, write_recording
+    from teamslam.io.files.text import write_text
+    from teamslam.results import made_folder
+
+    team = team_of(made, KINDS[to])
+    made_folder(out)
+    for robot in made.robots:
+        stage = f"filming robot {robot + 1}"
+
+        def images(robot: int = robot, stage: str = stage):  # type: ignore[no-untyped-def]
+            for k, frame in enumerate(made.frames(robot), 1):
+                progress(stage, k, len(made.stamps_s))
+                yield frame.tick, frame.image
+
+        streams = (
+            odometry_messages("/odom", made.odometry(robot)),
+            pose_messages("/mocap/pose", made.truth(robot)),
+            image_messages("/camera", images(), made.options.camera, "camera"),
+        )
+        write_recording(out / team.robot[robot].recording, to, streams)
+    write_team_file(team, out / "team.toml")
+    if made.options.off_clocks:
+        write_text(out / "clocks.json", json.dumps(asdict(made.clocks), indent=1) + "\n")
 
 
 def team_of(made: "Film", ending: str) -> "TeamFile":

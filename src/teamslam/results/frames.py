@@ -15,6 +15,7 @@ from teamslam.results.reprojection import Reprojected
 
 EACH = 3  # of the worst, and of the best, of all cameras together
 NEAR_S = 0.006  # an image and its keyframe
+FAR = 1 << 24  # from an image: where a map that does not fit may have a corner
 SEEN, MAPPED = (0, 94, 213), (178, 114, 0)  # in blue, green, red: orange as seen, blue by the map
 
 
@@ -78,7 +79,8 @@ def _write(image: AnyArray, sightings: Reprojected, path: Path) -> None:
         sightings.tags.tolist(), sightings.seen, sightings.mapped, sightings.off, strict=True
     ):
         for corners, colour in ((mapped, MAPPED), (seen, SEEN)):
-            at = np.round(((corners + 0.5) * larger - 0.5) * 16).astype(np.int32)  # to a sixteenth of a pixel
+            at = np.round(((corners + 0.5) * larger - 0.5) * 16)  # to a sixteenth of a pixel
+            at = np.clip(at, -FAR, FAR).astype(np.int32)
             cv2.polylines(drawn, [at.reshape(-1, 1, 2)], True, colour, 1, cv2.LINE_AA, 4)
         place = np.round((seen[:, 0].min() * larger, seen[:, 1].min() * larger - 6)).astype(int).tolist()
         words = f"{tag}: {np.sqrt(np.mean(off**2)):.2f} px"

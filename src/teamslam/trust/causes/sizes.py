@@ -3,7 +3,8 @@
 Each landmark that costs too much and is seen by the corners of one tag is placed again with its corners nearer to its
 middle or farther from it, the rest of the map held, over a grid of sizes. Such a tag bends the map, which then holds it
 near what is stated; so from the best of them the whole map is solved again and again, downhill as far as that leads. A
-size is told where that takes away most of the landmark's excess.
+size is told where that takes away most of the landmark's excess, beside the map that is solved again by the size as it
+is stated: a join may be far from its best by itself.
 """
 
 from collections.abc import Sequence
@@ -43,8 +44,9 @@ def wrong_sizes(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Caus
         edge = _edge(_of(mark, tables))
         if edge is None:
             continue
-        size, after = _best(tables, values, mark, frame_of(joined))
-        gone = (_cost(tables, values) - after) / excess[k]
+        frame = frame_of(joined)
+        size, after = _best(tables, values, mark, frame)
+        gone = (_cost(*_solved(tables, values, frame)) - after) / excess[k]
         if abs(size) > LEAST and gone > EXPLAINED:
             tag, robots = log.names.landmark(int(index_of(mark))), {t.robot for t in _of(mark, tables)}
             said = (

@@ -21,7 +21,7 @@ from teamslam.solver import Factor
 from teamslam.trust.calibration.rows import held_at, linearised
 from teamslam.trust.unknowns.effects import Effects
 
-CONTRADICTS = 5.0  # sigmas: these take rows for independent, and over ten films without a fault were a third too small
+CONTRADICTS = 5.0  # sigmas: these take rows for independent
 
 
 @dataclass(frozen=True, eq=False)
