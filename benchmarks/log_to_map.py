@@ -8,11 +8,16 @@ somebody's solver finds the optimum from there, by its own Levenberg-Marquardt u
 cost: GTSAM from Python (sightings as bearing and range, which its wheel has compiled), Ceres and g2o in C++, fed by a
 script. Nothing is said there of how sure the map is or whether it fits, and nothing is drawn. All are judged by one
 cost: teamslam's F at each estimate. Each tool by hand has a process of its own, stopped after `--limit` seconds.
-Rows: `{tool, stage, seconds}` and `{tool, total, cost}`; what gives no map here stands under `absent` with the reason.
+`teamslam, solve alone` is what the solver itself needs where somebody has read the log and gives a start: full least
+squares over the same rows, all at once, one run with its analysis. Its start is every robot's dead reckoning from its
+true first pose, and each landmark where it was first seen; making that is not counted.
+Rows: `{tool, stage, seconds, cpu}` (cpu: processor seconds, of threads together, where they are known) and
+`{tool, total, cost}`; what gives no map here stands under `absent` with the reason.
 """
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -28,10 +33,13 @@ import numpy as np
 import teamslam as ts
 from peers import native
 from run import machine
-from teamslam.geometry import Pose
-from teamslam.model import Dataset, Kind, Values, landmark_key, pose_key
+from teamslam.geometry import Pose, concatenate
+from teamslam.joining.start.dead_reckoning import dead_reckoning
+from teamslam.joining.start.targets import place_targets
+from teamslam.model import Dataset, Kind, Values, landmark_key, pose_key, pose_kind
+from teamslam.results import read_run
 from teamslam.sim import PRESETS
-from teamslam.solver import System
+from teamslam.solver import Options, Solution, System, optimise
 
 T = TypeVar("T")
 Row = dict[str, Any]
@@ -46,13 +54,16 @@ class Stages:
         self.tool, self.rows = tool, list[Row]()
 
     def __call__(self, stage: str, work: Callable[[], T]) -> T:
-        began = time.perf_counter()
+        began, used = time.perf_counter(), time.process_time()
         result = work()
-        self.rows.append({"tool": self.tool, "stage": stage, "seconds": time.perf_counter() - began})
+        seconds, cpu = time.perf_counter() - began, time.process_time() - used
+        self.rows.append({"tool": self.tool, "stage": stage, "seconds": seconds, "cpu": cpu})
         return result
 
     def total(self, cost: float) -> Row:
-        return {"tool": self.tool, "total": sum(row["seconds"] for row in self.rows), "cost": cost}
+        total = {"tool": self.tool, "total": sum(row["seconds"] for row in self.rows), "cost": cost}
+        known = all("cpu" in row for row in self.rows)
+        return {**total, "cpu": sum(row["cpu"] for row in self.rows)} if known else total
 
 
 def main() -> None:
@@ -81,7 +92,7 @@ def measured(preset: str, poses: int, limit_s: float) -> Row:
         world = replace(PRESETS[preset], robots=5, poses=poses, landmarks=max(poses // 20, 20))
         ts.write(ts.simulate(world, 0), log, format="plain")
         dataset = ts.read(log)
-        rows = ours(log, Path(work) / "map")
+        rows = [*whole(log, dataset, Path(work) / "out"), *alone(dataset), *ours(log, Path(work) / "map")]
         for tool, solver in BY_HAND.items():
             if preset != "2d":
                 absent[tool] = "its programs here know no points in space seen from the plane"
@@ -93,6 +104,47 @@ def measured(preset: str, poses: int, limit_s: float) -> Row:
                 except RuntimeError as problem:
                     absent[tool] = str(problem)
     return {"poses": poses, "rows": rows, "absent": absent}
+
+
+def whole(log: Path, dataset: Dataset, out: Path) -> list[Row]:
+    """The command, everything included."""
+    began, used = time.perf_counter(), os.times()
+    command = [sys.executable, "-m", "teamslam", "run", str(log), "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    seconds, now = time.perf_counter() - began, os.times()
+    cpu = now.children_user + now.children_system - used.children_user - used.children_system
+    stages = Stages("teamslam run")
+    stages.rows.append({"tool": stages.tool, "stage": "everything", "seconds": seconds, "cpu": cpu})
+    return finished(stages, dataset, read_run(out).maps[0].all_values)
+
+
+def alone(dataset: Dataset) -> list[Row]:
+    """The solver from a given start."""
+    stages, start = Stages("teamslam, solve alone"), given(dataset)
+
+    def solve() -> Solution:
+        system = System(start.layout, tables=dataset.tables, fixed=start.layout.keys[:1], names=dataset.names)
+        return optimise(system, start, Options(elsewhere=False))
+
+    return finished(stages, dataset, stages("solve", solve).values)
+
+
+def given(dataset: Dataset) -> Values:
+    """Every robot's dead reckoning from its true first pose, and each landmark where it was first seen."""
+    assert dataset.truth is not None
+    ways: dict[Kind, list[tuple[np.ndarray, Pose]]] = {}
+    for robot, dim in dataset.robots.items():
+        way = dead_reckoning(dataset, robot)
+        keys = way.layout.keys
+        first, poses = dataset.truth.poses_of(keys[:1], dim), way.poses_of(keys, dim)
+        ways.setdefault(pose_kind(dim), []).append((keys, first @ poses))
+    of_kind: dict[Kind, tuple[np.ndarray, Pose | np.ndarray]] = {
+        kind: (np.concatenate([keys for keys, _ in own]), concatenate([poses for _, poses in own]))
+        for kind, own in ways.items()
+    }
+    return place_targets(Values.of(of_kind), dataset.tables, dataset.layout)
 
 
 def ours(log: Path, out: Path) -> list[Row]:
@@ -158,12 +210,17 @@ def finished(stages: Stages, dataset: Dataset, values: Values) -> list[Row]:
 def table(preset: str, poses: int, rows: list[Row], absent: dict[str, str]) -> str:
     """Every tool's stages, and their totals, in words."""
     lines = [f"## 5 robots, {5 * poses:,} poses, preset {preset}", ""]
-    lines += ["| tool | total [s] | cost F |", "|---|---:|---:|"]
-    lines += [f"| {r['tool']} | {r['total']:.2f} | {r['cost']:.3f} |" for r in rows if "total" in r]
-    lines += [f"| {tool} | {why} | |" for tool, why in absent.items()]
+    lines += ["| tool | total [s] | processor [s] | cost F |", "|---|---:|---:|---:|"]
+    lines += [f"| {r['tool']} | {r['total']:.2f} | {shown(r)} | {r['cost']:.3f} |" for r in rows if "total" in r]
+    lines += [f"| {tool} | {why} | | |" for tool, why in absent.items()]
     lines += ["", "| tool | stage | seconds |", "|---|---|---:|"]
     lines += [f"| {r['tool']} | {r['stage']} | {r['seconds']:.2f} |" for r in rows if "stage" in r]
     return "\n".join(lines)
+
+
+def shown(row: Row) -> str:
+    """The processor seconds of a row, where they are known."""
+    return f"{row['cpu']:.2f}" if "cpu" in row else ""
 
 
 def page(text: str) -> str:

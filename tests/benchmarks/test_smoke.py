@@ -37,7 +37,10 @@ def test_from_log_to_map_has_a_row_for_every_stage(preset: str, tmp_path: Path) 
     totals = {row["tool"]: row for row in report["rows"] if "total" in row}
     assert totals["teamslam"]["total"] > 0.0 and totals["teamslam"]["cost"] > 0.0
     by_hand = {"pandas + GTSAM", "pandas + Ceres", "pandas + g2o"}
-    assert set(totals) | set(report["absent"]) == {"teamslam", *by_hand}
+    alone = {"teamslam run", "teamslam, solve alone"}
+    assert set(totals) | set(report["absent"]) == {"teamslam", *alone, *by_hand}
+    assert totals["teamslam run"]["cost"] == pytest.approx(totals["teamslam"]["cost"], rel=1e-6)
+    assert totals["teamslam, solve alone"]["cost"] <= totals["teamslam"]["cost"]
     for tool in by_hand & set(totals):
         assert totals[tool]["cost"] == pytest.approx(totals["teamslam"]["cost"], rel=0.01)
     for tool in by_hand & set(totals) - {"pandas + GTSAM"}:  # full least squares of the same cost
