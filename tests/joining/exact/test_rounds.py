@@ -13,7 +13,7 @@ from teamslam.errors import SolveError
 from teamslam.geometry import Pose
 from teamslam.joining import Joined, build_choices, exact_join, full, join, split
 from teamslam.joining.build.build import build
-from teamslam.joining.exact.robot import Part, Reduced
+from teamslam.joining.exact.robot import Part, Reduced, Sending
 from teamslam.model import SQUARED, Dataset, Loss, Table, Values, pack, pose_key
 from teamslam.solver import Options, Status
 from teamslam.solver.newton import Curvature
@@ -87,7 +87,7 @@ def test_a_small_share_of_a_step_goes_down_as_its_slope_says(world: str) -> None
     """Interiors that are far from their rest go the same share as the separators: F falls by 2 share g'd."""
     (piece,) = split(team(world, robots=1, poses=12, landmarks=6))
     submap = build(piece)
-    part = Part(piece, submap, submap.values.layout.keys[-2:])
+    part = Part.of(piece, submap, Sending.of(submap, submap.values.layout.keys[-2:]))
     assert not part.sends_whole
     part.values = part.system.retract(part.values, np.random.default_rng(3).normal(0.0, 0.02, part.system.free.dof))
     sent = part.reduce()
