@@ -28,9 +28,7 @@ LEFT = 0.3  # of the variance: where a map follows a part more closely, what is 
 FEWEST_PAIRS = 10  # of one thing seen twice running, to speak of signs
 KEPT = 0.65  # of the signs, at most, of what is noise
 WORTH_A_WORD = 0.02  # of a sensor's rows
-BY_CHANCE = (
-    1e-5  # of a part of a sensor: a team of a hundred such parts is told of outliers by chance once in a thousand
-)
+BY_CHANCE = 1e-5  # of a part of a sensor: of a thousand teams with a hundred such parts one is told of outliers
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,9 @@ class Noise:
         Of n rows k are beyond what one in a thousand is with probability exp(-n KL(k/n, 1/1000)) at most (Chernoff).
         """
         share, bulk = self.outliers + IN_THE_TAIL, 1.0 - IN_THE_TAIL - self.outliers
-        rare = share * math.log(share / IN_THE_TAIL) + (
-            bulk * math.log(bulk / (1.0 - IN_THE_TAIL)) if bulk > 0 else 0.0
-        )
+        rare = share * math.log(share / IN_THE_TAIL)
+        if bulk > 0.0:
+            rare += bulk * math.log(bulk / (1.0 - IN_THE_TAIL))
         return self.outliers > WORTH_A_WORD and self.rows * rare > -math.log(BY_CHANCE)
 
     @property
