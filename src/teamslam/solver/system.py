@@ -189,6 +189,7 @@ class System:
     def along(self, values: Values, y: Array) -> list[Array]:
         """What steps y (unknowns, k) do to the whitened residuals of each table, to first order and without loss or
         weights: W J y (m, rows, k)."""
+        y = np.ascontiguousarray(y)
         return [
             np.asarray(self._problem.along(values.state, handle, y))
             if table.row.native

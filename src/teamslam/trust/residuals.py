@@ -5,9 +5,9 @@ residual u the map can follow the part that A spans; its leverage h = w tr(A H^-
 into the estimate, and all leverages add up to the unknowns. What is left of the row has a variance of 1 - h a number.
 
 The leverages come from draws y of covariance H^-1 (white noise through the factor, see `Covariances.draws`), as
-h = mean |w^1/2 A y|^2, where A y is a difference of residuals: no Jacobian, no inverse, and as many draws as the log is
-small. A problem with no more unknowns than draws gets the unit matrix for the noise, and its leverages are exact; of a
-sum of leverages that is large the error is sqrt(2 / draws / sum) of it.
+h = mean |w^1/2 A y|^2: no Jacobian is kept, no inverse, and as many draws as the log is small. A problem with no more
+unknowns than draws gets the unit matrix for the noise, and its leverages are exact; of a sum of leverages that is large
+the error is sqrt(2 / draws / sum) of it.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,6 @@ from teamslam.trust.expected import expected_cost
 
 MOST_DRAWS, LEAST_DRAWS = 32, 4
 NUMBERS_DRAWN = 200_000  # by all draws together, about: enough for a per cent of any sum that matters
-STEP = 1e-4  # of a draw: far above the rounding of residuals, far below where they bend
 
 
 def beside_median(squared: Array, ranks: IntArray) -> Array:
@@ -134,7 +133,7 @@ def residuals_at(at: AtMap) -> Residuals:
     errors = gap.factor.draws(white_noise(system.free.dof))
     whitened = [system.whitened(place, values) for place in range(len(held))]
     weights = [table.loss.weight(np.sum(u**2, -1)) for table, u in zip(held, whitened, strict=True)]
-    leverages, followed = _taken_up(system, values, whitened, weights, errors)
+    leverages, followed = _taken_up(system, values, weights, errors)
     leverages = _adding_up_to(system.free.dof, leverages, held, errors.shape[1] >= system.free.dof)
     ways = _given_way(held, leverages)
     rows = tuple(map(Rows, held, whitened, weights, leverages, followed, ways))
@@ -150,20 +149,20 @@ def white_noise(unknowns: int) -> Array:
 
 
 def _taken_up(
-    system: System, values: Values, whitened: Sequence[Array], weights: Sequence[Array], errors: Array
+    system: System, values: Values, weights: Sequence[Array], errors: Array
 ) -> tuple[list[Array], list[Array]]:
     """The leverage of every row, and the share of each part's variance that the estimate followed, by table."""
-    leverages = [np.zeros(len(u)) for u in whitened]
-    followed = [np.zeros(table.row.residual_rows(table.dim)) for table in system.tables]
-    back, roots = [unwhitening(table) for table in system.tables], [np.sqrt(w)[:, None] / STEP for w in weights]
-    for error in errors.T:
-        moved = system.retract(values, STEP * error)
-        for place, u in enumerate(whitened):
-            given_way = (u - system.whitened(place, moved)) * roots[place]
-            leverages[place] += np.sum(given_way**2, -1)
-            followed[place] += np.mean(in_parts(given_way, back[place]) ** 2, 0)
-    draws = errors.shape[1]
-    return [h / draws for h in leverages], [f / draws for f in followed]
+    leverages, followed = [], []
+    for table, weight, ahead in zip(system.tables, weights, system.along(values, errors), strict=True):
+        squares = ahead**2
+        h = np.mean(np.sum(squares, 1), -1)
+        back = unwhitening(table)
+        if back is not None:
+            squares = (back @ ahead) ** 2
+        squared = table.loss.name == "squared"
+        leverages.append(h if squared else weight * h)
+        followed.append(np.mean((squares if squared else weight[:, None, None] * squares), (0, 2)))
+    return leverages, followed
 
 
 def _adding_up_to(unknowns: int, leverages: Sequence[Array], tables: Sequence[Table], exact: bool) -> list[Array]:

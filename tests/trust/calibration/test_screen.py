@@ -7,18 +7,12 @@ from teamslam.config import Config
 from teamslam.joining import AtMap, full
 from teamslam.model import Dataset
 from teamslam.pipeline import run
-from teamslam.trust.calibration.drawn import white_noise
-from teamslam.trust.calibration.noise import Noise
-from teamslam.trust.calibration.rows import lasting_of, linear_at
 from teamslam.trust.calibration.screen import SUSPICION, suspicious
-from teamslam.trust.calibration.slips import Slips
 from trust.calibration.faulty import FAULTS, team
 
 
 def _is_suspicious(log: Dataset) -> bool:
-    linear = linear_at(AtMap(log.tables, full(log).map))
-    slips = [Slips.of(table, lasting_of(table, log.names)) for table in linear.tables]
-    return suspicious(linear, [Noise.stated(table) for table in linear.tables], slips, white_noise(linear))
+    return suspicious(AtMap(log.tables, full(log).map))
 
 
 def test_right_models_are_looked_at_no_more_often_than_stated() -> None:

@@ -36,11 +36,6 @@ class Choice:
         """Every one, as its first guess lets it."""
         return cls(np.arange(count), np.ones(count))
 
-    @classmethod
-    def none(cls) -> "Choice":
-        """Not one."""
-        return cls.all(0)
-
 
 def chosen(information: Array, gradient: Array, groups: IntArray, relative: BoolArray) -> Choice:
     """The kinds that the data speak of, from S (k, k), g (k,) and which kind each error is of (k,), some `relative`."""

@@ -50,15 +50,14 @@ class Estimate:
 def estimate(at: AtMap) -> Estimate | None:
     """What is wrong with the model of the rows at a map; None where nothing looks like it. Raises SolveError where they
     do not determine it, or nothing is measured that the map does not take up."""
-    linear = linear_at(at)
-    if linear.spare < FEWEST:
+    if sum(table.dof for table in at.tables) - at.gap.free.dof < FEWEST:
         raise SolveError("too little is measured twice for the measurements to be told from their errors")
+    if not suspicious(at):
+        return None
+    linear = linear_at(at)
     stated = [Noise.stated(table) for table in linear.tables]
     slips = [Slips.of(table, lasting_of(table, linear.names)) for table in linear.tables]
-    white = white_noise(linear)
-    if not suspicious(linear, stated, slips, white):
-        return None
-    search = Search(linear, stated, slips, white)
+    search = Search(linear, stated, slips, white_noise(linear))
     fit = search.sweep()
     return Estimate(
         search.linear, tuple(search.scales), tuple(search.tempers), tuple(search.now), search.lasting, search.theta, fit

@@ -46,11 +46,7 @@ class Fit:
         system = System(values.layout, tables=tables, fixed=held_at(at), names=linear.names)
         factor = at.gap.system.factor(values)  # of one structure: analysed once
         factor.factorise(system.linearise(values).hessian.numbers)
-        return cls.by(linear, roots, factor, choice or Choice.all(len(linear.columns)))
-
-    @classmethod
-    def by(cls, linear: Linear, roots: Sequence[Array], factor: Factor, choice: Choice) -> "Fit":
-        """The same by a factor of H that is at hand."""
+        choice = choice or Choice.all(len(linear.columns))
         weight = _diagonal([np.swapaxes(root, 1, 2) @ root for root in roots])
         return cls._with(linear, weight, factor, Pulled.of(linear, weight, factor, choice.inside), choice)
 

@@ -56,11 +56,6 @@ class Linear:
         ]
 
     @property
-    def spare(self) -> int:
-        """How many more numbers were measured than there are unknowns."""
-        return sum(table.dof for table in self.tables) - self.at.gap.free.dof
-
-    @property
     def names(self) -> Names:
         """What robots and landmarks are called."""
         return self.at.joined.names

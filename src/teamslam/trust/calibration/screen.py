@@ -1,98 +1,165 @@
 """Whether anything at all is wrong with the model of the data: asked first, as it costs little and most often ends it.
 
 One solve, by the factor of the map that the verdict on the fit uses as well, says what the map leaves of the errors
-measured and of errors drawn from the model as it is stated. Of both,
+measured and of a few drawn from the model as it is stated. Of both,
 
     sizes    the mean square of each part of each sensor
     slips    the score of odometry's slips
     signs    products of errors that follow each other, of one target and across targets, and how far off each target is
     pulls    what is left in the direction of each kind of systematic error
 
-are held beside each other, squares by their cube roots (Wilson and Hilferty: nearly Gaussian for any number of them).
-The four share SUSPICION among them, and each shares its part among its numbers (Bonferroni): of teams with a right
-model fewer are looked at more closely, and of these fewer still are changed (`search`, `choice`).
+are held beside each other (see `beside`). The four share SUSPICION among them, and each shares its part among its
+numbers (Bonferroni): of teams with a right model fewer are looked at more closely, and of these fewer still are changed
+(`search`, `choice`). Of a long log windows of rows are looked at, NUMBERS in all: what is wrong shows in these.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray
+from teamslam.joining import AtMap
 from teamslam.model import Names, Table
-from teamslam.trust.calibration.choice import Choice, differences
-from teamslam.trust.calibration.drawn import beside_drawn, by_chance, off
+from teamslam.trust.calibration.beside import in_pieces, odds, odds_of_gaussian
+from teamslam.trust.calibration.choice import differences
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.persistence import targets_of
-from teamslam.trust.calibration.posterior import Fit
-from teamslam.trust.calibration.rows import Linear, is_sighting
+from teamslam.trust.calibration.rows import is_sighting, lasting_of, velocities
 from teamslam.trust.calibration.sizes import LEAST
-from teamslam.trust.calibration.slipping import Scores
+from teamslam.trust.calibration.slipping import squares_of_rows
 from teamslam.trust.calibration.slips import Slips
+from teamslam.trust.calibration.terms import TERMS, scene_of
 
 SUSPICION = 0.05  # of teams with a right model
+MOST_DRAWS, LEAST_DRAWS, DRAWN = 16, 4, 250_000  # numbers drawn in all, about
+NUMBERS, WINDOW = 30_000, 128  # looked at, in windows of so many rows
 
 
-def suspicious(linear: Linear, stated: Sequence[Noise], slips: Sequence[Slips | None], white: Array) -> bool:
-    """Whether a closer look is worth its time, with draws made of `white` noise. Raises SolveError where the rows do
-    not determine the map."""
-    errors = linear.by_tables(linear.errors[:, None])
-    roots = [np.sqrt(n.weights(e))[..., None] * n.whitening for n, e in zip(stated, errors, strict=True)]
-    fit = Fit.by(linear, roots, linear.at.gap.factor, Choice.none())
-    left = fit.left(beside_drawn(linear, stated, white))
-    both = linear.by_tables(left)
-    sizes = [noise.sizes(each) for noise, each in zip(stated, both, strict=True)]
-    asked = (_sizes(sizes), np.cbrt(Scores.of(slips, stated, both).squares), _signs(linear, sizes), _pulls(fit, left))
-    return any(_stands_out(numbers) for numbers in asked)
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """The rows of a `table` that are looked at: their `noise` as stated, what is left (m, r, 1 + draws) of the `errors`
+    measured and drawn and the `sizes` of these, what the loss weighs them by (m,), and the `rate` (m, r) at which
+    residuals change."""
+
+    table: Table
+    noise: Noise
+    errors: Array
+    sizes: Array
+    weight: Array
+    rate: Array
 
 
-def _stands_out(numbers: Array) -> bool:
-    """Whether any of some numbers (k, 1 + DRAWS) is farther off than chance makes it."""
-    return len(numbers) > 0 and bool((np.abs(off(numbers)) > by_chance(SUSPICION / 4 / len(numbers))).any())
+def suspicious(at: AtMap) -> bool:
+    """Whether a closer look at a map's rows is worth its time. Raises SolveError where they do not determine it."""
+    seen, names = _glances(at), at.joined.names
+    asked = (_sizes(seen), _slips(seen, names), _signs(seen, names), _pulls(at, seen, names))
+    return any(min(each) < SUSPICION / 4 / len(each) for each in map(list, asked) if each)
 
 
-def _sizes(sizes: Sequence[Array]) -> Array:
-    squares = [np.sum(size**2, 0) for size in sizes]
-    told = [part[part[:, 1:].mean(-1) > LEAST] for part in squares]  # a map may take up all of it
-    return np.asarray(np.cbrt(np.concatenate(told)))
-
-
-def _signs(linear: Linear, sizes: Sequence[Array]) -> Array:
-    """Of each part of each kind of sighting, all robots together."""
-    mine = [(table, size) for table, size in zip(linear.tables, sizes, strict=True) if is_sighting(table)]
-    mine.sort(key=lambda both: both[0].kind)
-    numbers = [
-        np.sum([_hanging(table, size, linear.names) for table, size in group], 0)
-        for _, group in groupby(mine, lambda both: both[0].kind)
+def _glances(at: AtMap) -> list[Glance]:
+    system, values, names = at.gap.system, at.values, at.joined.names
+    measured = [system.whitened(place, values) for place in range(len(at.tables))]
+    numbers = sum(u.size for u in measured)
+    draws, rng = int(np.clip(DRAWN // max(numbers, 1), LEAST_DRAWS, MOST_DRAWS)), np.random.default_rng(0)
+    both = [np.concatenate([u[..., None], rng.standard_normal((*u.shape, draws), np.float32)], -1) for u in measured]
+    for table, each in zip(at.tables, both, strict=True):
+        if not (told := (table.whitening != 0.0).any(-1)).all():
+            each *= told[..., None]
+    weights = [table.loss.weight(np.sum(u**2, -1)) for table, u in zip(at.tables, measured, strict=True)]
+    pulls = [
+        each if table.loss.name == "squared" else each * weight[:, None, None]
+        for table, each, weight in zip(at.tables, both, weights, strict=True)
     ]
-    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in numbers]) if numbers else np.zeros((0, 1))
+    steps = at.gap.factor.solve(system.pull(values, pulls))
+    still = names.counts
+    velocity = np.zeros(system.free.dof) if still else velocities(values, system.free, names)
+    ahead = system.along(values, np.column_stack([steps, velocity]))
+    every = 1 + numbers // NUMBERS
+    return [
+        _glance(*each, np.arange(len(each[0])) // WINDOW % every == 0)
+        for each in zip(at.tables, both, weights, ahead, strict=True)
+    ]
 
 
-def _hanging(table: Table, sizes: Array, names: Names) -> Array:
-    """Products (rows, 1 + DRAWS) of errors that follow each other, of one target, of different ones; and the squares of
-    what all of one target add up to (3, rows, 1 + DRAWS)."""
-    size = sizes / np.sqrt(np.maximum(np.mean(sizes**2, 0), 1e-300))
-    targets, stamps = targets_of(table), names.stamps_s(table.keys[:, 0])
+def _glance(table: Table, both: Array, weight: Array, ahead: Array, which: BoolArray) -> Glance:
+    if not which.all():
+        table, both, weight, ahead = table.select(which), both[which], weight[which], ahead[which]
+    noise = Noise.stated(table)
+    errors = noise.errors(both - ahead[..., :-1])
+    return Glance(table, noise, errors, noise.sizes(errors), weight, -noise.errors(ahead[..., -1:])[..., 0])
+
+
+def _sizes(seen: Sequence[Glance]) -> Iterator[float]:
+    for each in seen:
+        squares = each.sizes**2
+        pieces = in_pieces(squares)
+        for part in range(squares.shape[1]):
+            if squares[:, part, 1:].mean() > LEAST:  # a map may take up all of it
+                yield odds(pieces[:, part], squares=True)
+
+
+def _slips(seen: Sequence[Glance], names: Names) -> Iterator[float]:
+    pieces = []
+    for each in seen:
+        slips = Slips.of(each.table, lasting_of(each.table, names))
+        squares = None if slips is None else squares_of_rows(slips, each.noise, each.errors)
+        if squares is not None:
+            pieces.append(in_pieces(np.moveaxis(squares, 1, 0)))
+    if pieces:
+        together = np.concatenate(pieces)
+        yield from (odds(together[:, slip], squares=True) for slip in range(together.shape[1]))
+
+
+def _signs(seen: Sequence[Glance], names: Names) -> Iterator[float]:
+    """Of each part of each kind of sighting, all robots together."""
+    mine = sorted((each for each in seen if is_sighting(each.table)), key=lambda each: each.table.kind)
+    for _, group in groupby(mine, lambda each: each.table.kind):
+        for number, pieces in enumerate(zip(*(_hanging(each, names) for each in group), strict=True)):
+            together = np.concatenate(pieces)
+            yield from (odds(together[:, part], squares=number == 2) for part in range(together.shape[1]))
+
+
+def _hanging(each: Glance, names: Names) -> tuple[Array, Array, Array]:
+    """Products of errors that follow each other, of one target, of different ones; and the squares of what all of one
+    target add up to: each in pieces (pieces, rows, 1 + draws)."""
+    size = each.sizes / np.sqrt(np.maximum(np.mean(each.sizes**2, 0), 1e-300))
+    targets, stamps = targets_of(each.table), names.stamps_s(each.table.keys[:, 0])
     same, across = np.lexsort((stamps, targets)), np.argsort(stamps, kind="stable")
     alike, other = (targets[order][1:] == targets[order][:-1] for order in (same, across))
     starts = np.flatnonzero(np.append(True, ~alike))
     counts = np.diff(np.append(starts, len(same)))
-    together = np.add.reduceat(size[same], starts) ** 2 / counts[:, None, None]
-    return np.stack([_products(size[same], alike), _products(size[across], ~other), np.sum(together, 0)])
+    by_target = size[same]
+    together = np.add.reduceat(by_target, starts) ** 2 / counts[:, None, None]
+    return (_products(by_target, alike), _products(size[across], ~other), in_pieces(together))
 
 
 def _products(sizes: Array, which: BoolArray) -> Array:
-    """Of sizes (m, rows, 1 + DRAWS) with the next ones, where it counts (m - 1,)."""
-    return np.asarray(np.sum(sizes[1:][which] * sizes[:-1][which], 0))
+    """Of sizes (m, rows, 1 + draws) with the next ones, where it counts (m - 1,)."""
+    return in_pieces(sizes[1:] * sizes[:-1] * which[:, None, None])
 
 
-def _pulls(fit: Fit, left: Array) -> Array:
+def _pulls(at: AtMap, seen: Sequence[Glance], names: Names) -> Iterator[float]:
     """Of each kind of systematic error, how large what is left along those of all robots is."""
-    linear, squares = fit.linear, []
-    pulls, groups, relative = linear.effects.T @ (fit.weight @ left), linear.groups, linear.relative
-    for kind in np.unique(groups):
-        mine = groups == kind
-        along = differences(int(mine.sum())).T @ pulls[mine] if relative[mine].any() else pulls[mine]
-        expected = np.mean(along[:, 1:] ** 2, -1, keepdims=True)
-        squares.append(np.sum(along**2 / np.maximum(expected, 1e-300), 0))
-    return np.asarray(np.cbrt(np.stack(squares))) if squares else np.zeros((0, 1))
+    along: dict[tuple[str, ...], list[Array]] = {}
+    relative: dict[tuple[str, ...], bool] = {}
+    for each in seen:
+        table, noise = each.table, each.noise
+        scene = scene_of(table, at.values, lasting_of(table, names), each.rate)
+        left = (noise.whitening @ each.errors) * each.weight[:, None, None]
+        for term in TERMS:
+            effect = term.effect(scene)
+            if effect is None or not effect.any():
+                continue
+            whitened = (noise.whitening @ effect[..., None])[..., 0]
+            size = float(np.sqrt(np.sum(whitened**2 * each.weight[:, None])))
+            kind = (term.name, *(() if term.relative else (table.source, table.model)))
+            along.setdefault(kind, []).append(whitened.ravel() @ left.reshape(whitened.size, -1) / max(size, 1e-300))
+            relative[kind] = term.relative
+    for kind, numbers in along.items():
+        stacked = np.stack(numbers)
+        if relative[kind]:
+            stacked = differences(len(stacked)).T @ stacked
+        if len(stacked):
+            yield odds_of_gaussian(stacked)

@@ -51,6 +51,7 @@ class Search:
         self.tempers = [np.ones((len(t), t.row.residual_rows(t.dim))) for t in tables]
         self.left = linear.by_tables(linear.errors[:, None])
         self.lasting: Kinds = {}
+        self.noise = white  # (N, DRAWS) of variance one, hanging together as errors do by now
         self.unseen: Mapping[int, BoolArray] = {}
         self.now = stated
 
@@ -112,10 +113,10 @@ class Search:
     def _left(self, fit: Fit) -> list[Array]:
         """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn that hang together as these
         do, table by table."""
-        return self.linear.by_tables(fit.left(beside_drawn(self.linear, self.now, self._noise())))
+        return self.linear.by_tables(fit.left(beside_drawn(self.linear, self.now, self.noise)))
 
-    def _noise(self) -> Array:
-        """Noise (N, DRAWS) of variance one that hangs together as errors do by now."""
+    def _hanging(self) -> Array:
+        """White noise made to hang together as errors do by now."""
         parts = self.linear.by_tables(self.white)
         for kind, members in self.kinds.items():
             held = self.lasting.get(kind, ())
@@ -159,6 +160,7 @@ class Search:
             tables = [self.linear.tables[k] for k in members]
             for k, temper in zip(members, tempering(tables, self.linear.names, self.lasting[kind]), strict=True):
                 self.tempers[k] = temper
+        self.noise = self._hanging()
 
     def _persistences(self, kind: Kind, both: Sequence[Array]) -> tuple[Persistence, ...]:
         sizes = []

@@ -35,12 +35,10 @@ class Scores:
         score, stated, rows = np.zeros((len(SLIPS), both[0].shape[-1])), np.zeros(len(SLIPS)), 0
         for noise, slip, errors in zip(now, slips, both, strict=True):
             if slip is not None:
-                squares = np.mean(noise.sizes(errors) ** 2, 0)
-                if squares[:, 1:].mean(-1).min() * len(errors) < LEAST:
+                squares = squares_of_rows(slip, noise, errors)
+                if squares is None:
                     continue
-                even = errors * np.sqrt(squares.mean(-1, keepdims=True) / np.maximum(squares, 1e-300))
-                pull = np.swapaxes(noise.whitening, 1, 2) @ (noise.whitening @ even)
-                score += np.sum(pull * (slip.units @ pull), (1, 2))
+                score += np.sum(squares, 1)
                 stated += slip.beside_stated
                 rows += len(errors)
         return cls(score, stated, rows)
@@ -61,3 +59,14 @@ class Scores:
         moved = np.clip(theta + np.where(pace < 0.0, 2.0, 1.0) * pace, theta / MOST, theta * MOST)
         least = self.rows / np.maximum(self.stated, 1e-300) / MOST**2
         return np.where(theta > 0.0, np.where(moved > least, moved, 0.0), np.where(enters, begun, 0.0))
+
+
+def squares_of_rows(slips: Slips, noise: Noise, errors: Array) -> Array | None:
+    """l_i' B_ik l_i (slips, m, 1 + draws) of what is left of errors (m, rows, 1 + draws), measured and drawn; None
+    where the map takes up all of a part of them."""
+    squares = np.mean(noise.sizes(errors) ** 2, 0)
+    if squares[:, 1:].mean(-1).min() * len(errors) < LEAST:
+        return None
+    even = errors * np.sqrt(squares.mean(-1, keepdims=True) / np.maximum(squares, 1e-300))
+    pull = np.swapaxes(noise.whitening, 1, 2) @ (noise.whitening @ even)
+    return np.asarray(np.sum(pull * (slips.units @ pull), 2))

@@ -45,7 +45,9 @@ def _of(rows: Rows) -> Glance:
     for _ in range(ROUNDS):
         share = share_wrong(wrong, len(table))
         limits = gates(table, share, noise_of(rows.squared, rows.numbers, wrong / max(len(table), 1)))
-        wrong = int((rows.squared > limits).sum())
+        before, wrong = wrong, int((rows.squared > limits).sum())
+        if wrong == before:
+            break
     return Glance(table.robot, table.source, len(table), wrong)
 
 
