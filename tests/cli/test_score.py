@@ -153,3 +153,18 @@ def test_a_truth_that_cannot_be_read_names_the_line(teamslam, tmp_path: Path, te
     (tmp_path / "truth.csv").write_text(text)
     called = teamslam("score", tmp_path / "truth.csv", tmp_path / "truth.csv")
     assert called.code == 2 and words in called.err
+
+
+def test_a_truth_in_a_logs_folder_is_read_as_the_log_reads_it(teamslam, place: Path) -> None:
+    """As the help says it: a run against the file of true poses that lies beside the log; another file is refused."""
+    of_robots = teamslam("score", place / "run", place / "log" / "truth_robots.csv", "--json")
+    of_log = teamslam("score", place / "run", place / "log", "--json")
+    one, other = (json.loads(called.out)["components"][0]["robots"] for called in (of_robots, of_log))
+    assert [r["ate_rmse_m"] for r in one] == pytest.approx([r["ate_rmse_m"] for r in other], rel=1e-6) and len(one) == 2
+    called = teamslam("score", place / "run", place / "log" / "odometry_red.csv")
+    assert called.code == 2 and "odometry_red.csv" in called.err
+
+
+def test_what_a_command_does_not_take_is_named(teamslam) -> None:
+    called = teamslam("score", "a", "b", "c", "d")
+    assert called.code == 2 and "does not take c and d" in called.err and "Token" not in called.err

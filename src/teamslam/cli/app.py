@@ -5,7 +5,7 @@ An error that teamslam raises on purpose is one message on stderr; anything else
 
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from teamslam import __version__
 from teamslam.cli.build import build
@@ -61,13 +61,20 @@ for command in (*STORY, *PARTS):
 app.command(data)
 
 
+def _said(error: CycloptsError) -> str:
+    """What is wrong with a command as it was typed."""
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        return f"the command does not take {' and '.join(error.unused_tokens)}"
+    return str(error).strip().removesuffix(".")
+
+
 def called(arguments: Sequence[str] | None) -> int:
     """Run one command and return its exit code; `arguments` None takes those of the process."""
     try:
         command, bound, _ = app.parse_args(arguments, console=screen(), exit_on_error=False, print_error=False)
         return command(*bound.args, **bound.kwargs) or DONE
     except CycloptsError as error:
-        said = str(error).strip().removesuffix(".")
+        said = _said(error)
         end = "" if said.endswith("?") else "."
         complain(f"{said}{end} See: teamslam {' '.join([*(error.command_chain or ()), '--help'])}")
         return BAD_INPUT

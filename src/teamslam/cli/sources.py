@@ -40,8 +40,8 @@ def maps_in(path: Path) -> "tuple[Submap, ...]":
 
 
 def truth_in(path: Path) -> Truth:
-    """The truth in a log or in a file of true poses or places (TUM, CSV), or the maps of another run or in a file of
-    maps. InputError where there is none."""
+    """The truth in a log or in a file of true poses or places (TUM; CSV, by itself or in a log's folder), or the maps
+    of another run or in a file of maps. InputError where there is none."""
     from teamslam.errors import InputError
     from teamslam.io import formats_of, read, read_maps
     from teamslam.results import is_run, read_run
@@ -51,6 +51,8 @@ def truth_in(path: Path) -> Truth:
     if {kind for kind, _ in formats_of(path)} == {"map"}:
         true = formats_of(path)[0][1] in ("tum", "truth")
         return Truth(tuple((map.values, map.names) for map in read_maps(path)), is_map=not true, sampled=true)
+    if path.is_file() and path.suffix == ".csv":
+        return Truth(tuple((map.values, map.names) for map in read_maps(path, "truth")), is_map=False, sampled=True)
     log = read(path)
     if log.truth is None:
         raise InputError("this log holds no truth; there is nothing to score against", path=path)
