@@ -25,14 +25,15 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_in_steps_it_is_the_map_that_run_makes(teamslam, log: Path, tmp_path: Path) -> None:
+    """By the noise as it is stated: what a piece shows of its noise by itself is not what a team shows of it."""
     assert teamslam("split", log, "--out", tmp_path / "pieces", "--poses-per-piece", 8).code == 0
-    assert teamslam("build", tmp_path / "pieces", "--out", tmp_path / "submaps").code == 0
+    assert teamslam("build", tmp_path / "pieces", "--out", tmp_path / "submaps", "--no-calibrate").code == 0
     assert len(list((tmp_path / "pieces").iterdir())) == len(read_submaps(tmp_path / "submaps")) >= 6
     beside = ["--truth", log, "--pieces", tmp_path / "pieces"]
     called = teamslam("join", tmp_path / "submaps", "--out", tmp_path / "map", *beside, "--no-figures")
     assert called.code == 0 and "refused" in called.out
 
-    (tmp_path / "options.toml").write_text("[split]\nposes_per_piece = 8\n")
+    (tmp_path / "options.toml").write_text("calibrate = false\n\n[split]\nposes_per_piece = 8\n")
     run = teamslam("run", log, "--out", tmp_path / "run", "--config", tmp_path / "options.toml", "--no-figures")
     assert run.code == 0
     a, b = (read_submaps(tmp_path / name / "maps")[0] for name in ("map", "run"))

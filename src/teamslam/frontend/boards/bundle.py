@@ -30,6 +30,7 @@ TRIED = 8  # views for these
 STEPS, ENOUGH = 60, 1e-7  # at most, and the share of the cost that the last two may still gain
 STEP = 1e-6
 WILD = 3.0  # a priori sigma of each number of distortion: where views leave one open it stays in reach
+BETTER = 2.0  # times: as much less must another pose of a view cost, to be taken
 FAR = 8.0  # robust sigmas beyond which a corner is no corner
 
 
@@ -93,6 +94,8 @@ def fit(views: Views, points: Array, model: str, numbers: int, *, loose: bool = 
         theta = _Numbers.of(start.camera, numbers, views.size, start.stretch, start.bend).with_board(loose)
         state = _State(theta, start.poses_of(views))
     state = _solved(state, views, points, STEPS)
+    if (again := _posed_again(state, views, points)) is not None:  # by a rough camera a view may end in a wrong pose
+        state = _solved(again, views, points, STEPS)
     error = _residuals(state, views, points)
     covariance, by_views = _covariances(state, views, points)
     stretch, bend = state.theta.board
@@ -239,6 +242,19 @@ def _posed(camera: Camera, views: Views, points: Array) -> Pose:
         costs.append(np.bincount(views.view, square, len(views)))
     better = np.argmin(costs, 0)
     return concatenate([each[k][[n]] for n, k in enumerate(better.tolist())])
+
+
+def _posed_again(state: _State, views: Views, points: Array) -> _State | None:
+    """The state with other poses of the views that fit much better there by its own camera; None where none does."""
+    other = _State(state.theta, _posed(state.theta.camera(), views, points))
+    costs = [
+        np.bincount(views.view, np.sum(_residuals(each, views, points) ** 2, -1), len(views)) for each in (state, other)
+    ]
+    better = BETTER * costs[1] < costs[0]
+    if not better.any():
+        return None
+    poses = [(other if there else state).poses[[n]] for n, there in enumerate(better.tolist())]
+    return _State(state.theta, concatenate(poses))
 
 
 def _spread(corners: Array, points: Array) -> Array:
