@@ -12,14 +12,14 @@ import msgspec
 
 from teamslam.errors import TeamslamError
 from teamslam.joining import Component, Exactness
-from teamslam.joining.exact.robot import Part
 from teamslam.model import Submap, Values
 from teamslam.robot.packets import Answer, Packet, Question
 from teamslam.robot.peer import Peer
 from teamslam.robot.robot import Robot
 from teamslam.robot.rounds.follower import Follower
 from teamslam.robot.rounds.leader import Leader
-from teamslam.robot.rounds.said import Said, exactness_of
+from teamslam.robot.rounds.result import Result
+from teamslam.robot.rounds.said import exactness_of
 from teamslam.robot.rounds.stage import Stage, robots_of
 
 ATTEMPTS, LONG = 3, 10  # of rounds on one set; patiences that an answer is waited for
@@ -37,15 +37,6 @@ class Account:
     exactness: Exactness | None
     why: str
     as_sent: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """Where rounds ended: how, where separators are, and a robot's own parts, by their places."""
-
-    end: Said
-    values: Values
-    parts: dict[int, Part]
 
 
 class Course:
@@ -78,7 +69,7 @@ class Course:
     def map(self) -> Submap | None:
         """The part where rounds have put it, once they have ended (`Stage.map_at`)."""
         found = self._result
-        return None if found is None else self._stage().map_at(found.values, found.parts, found.end.cost)
+        return None if found is None else self._stage().map_at(found.values, found.interiors, found.end.cost)
 
     def attend(self, now_s: float, peer: Peer, robot: Robot, heard: Heard) -> Out:
         """Questions and answers to be sent, after those of this part that were `heard`."""
@@ -94,14 +85,17 @@ class Course:
             if peer.number not in self.robots:
                 return []
             asked = [(s, q) for s, q in heard if isinstance(q, Question) and here[:1] == [s]]
-            return [out for sender, question in asked for out in self._follow(robot, sender, question)]
+            out = [out for sender, question in asked for out in self._follow(now_s, robot, sender, question)]
+            if isinstance(self._side, Follower) and now_s - self._side.asked_s > long_s:  # nobody waits for it any more
+                self._side = None
+            return out
         except (TeamslamError, msgspec.DecodeError, ValueError, zlib.error) as error:
             return self._give_up(str(error))
 
     def _stage(self) -> Stage:
         return Stage.of(self._component, self._by_id)
 
-    def _follow(self, robot: Robot, sender: int, asked: Question) -> Out:
+    def _follow(self, now_s: float, robot: Robot, sender: int, asked: Question) -> Out:
         side = self._side
         if isinstance(side, Follower) and side.leader == sender and asked.attempt < side.attempt:
             # Its leader began anew, and does not know what it asked before.
@@ -111,8 +105,8 @@ class Course:
             side = self._side = Follower(stage, stage.parts(robot), sender, asked.attempt)
         self._attempt = max(self._attempt, asked.attempt)
         answer = side.answer(asked.n, asked.data)
-        if side.end is not None:
-            self._result = Result(side.end, side.values, side.parts)
+        side.asked_s = now_s
+        self._result = side.result or self._result
         return [] if answer is None else [(sender, Answer(self.root, self.number, asked.attempt, asked.n, answer))]
 
     def _lead(self, now_s: float, peer: Peer, robot: Robot, heard: Heard, others: Sequence[int]) -> Out:
@@ -129,9 +123,8 @@ class Course:
             if packet.attempt == side.attempt:
                 side.hear(now_s, sender, packet.n, packet.data)
         side.attend(now_s)
-        if side.end is not None:
-            self._result, self.busy = Result(side.end, side.values, side.parts), False
-            self._side, self._tries = None, 0
+        if side.result is not None:
+            self._result, self._side, self._tries, self.busy = side.result, None, 0, False
             return []
         if (newest := max((p.attempt for _, p in answers), default=0)) > side.attempt:  # asked before it was killed
             self._attempt = newest

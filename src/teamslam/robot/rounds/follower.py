@@ -8,20 +8,22 @@ from teamslam.joining.exact.coordinator import Parts, Reduce, Take, Try
 from teamslam.joining.exact.robot import Part, Reduced
 from teamslam.model import Values
 from teamslam.robot.reduced import to_numbers
+from teamslam.robot.rounds.result import Result
 from teamslam.robot.rounds.said import Heard, Said
-from teamslam.robot.rounds.stage import Stage
+from teamslam.robot.rounds.stage import Stage, interiors_of
 
 
 class Follower:
-    """It answers the robot `leader` in one attempt. `values`: where separators are; `parts`: its own, by their places;
-    `end`: how it ended, once it has."""
+    """It answers the robot `leader` in one attempt, for its own `parts`, by their places. `values`: where separators
+    are; `asked_s`: when it was asked last; `result`: how it ended, once it has. Then it lets go of its parts, and
+    answers from memory alone."""
 
     def __init__(self, stage: Stage, parts: dict[int, Part], leader: int, attempt: int) -> None:
-        self.parts, self.leader, self.attempt = parts, leader, attempt
+        self._parts, self.leader, self.attempt, self.asked_s = parts, leader, attempt, -1e300
         self._stage, self._all = stage, Parts(list(parts.values()))
         self._at, self._last = -1, b""
         self.values = self._tried = stage.common
-        self.end: Said | None = None
+        self.result: Result | None = None
 
     def answer(self, n: int, data: bytes) -> bytes | None:
         """The answer to question n; None where the one before it was never heard."""
@@ -42,7 +44,8 @@ class Follower:
                     self._all.answer(Take())
                     self.values = self._tried
                 case "end":
-                    self.end = said
+                    self.result = Result(said, self.values, interiors_of(self._parts))
+                    self._parts, self._all = {}, Parts([])
             return Heard()
         except SolveError as error:
             return Heard(problem=str(error))

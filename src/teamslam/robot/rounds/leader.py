@@ -8,23 +8,23 @@ import msgspec
 from teamslam.errors import SolveError
 from teamslam.joining.exact.coordinator import Ask, Coordinator, Course, Ended, Parts, Reduce, Take, Try
 from teamslam.joining.exact.robot import Part
-from teamslam.model import Values
 from teamslam.robot.reduced import reduced_from
+from teamslam.robot.rounds.result import Result
 from teamslam.robot.rounds.said import Heard, Said, account_of
-from teamslam.robot.rounds.stage import Stage
+from teamslam.robot.rounds.stage import Stage, interiors_of
 
 GAP, MOST = 1e-20, 100  # of F still to be had when rounds end; rounds at most
 
 
 class Leader:
     """One attempt: it asks the `others`, and itself for its own `parts` and those of robots that are away (`as_sent`).
-    `asked`: the question that is open, the `n`th; `end`: how it ended, once all know."""
+    `asked`: the question that is open, the `n`th; `result`: how it ended, once all know."""
 
     def __init__(
         self, stage: Stage, own: dict[int, Part], others: Sequence[int], as_sent: Sequence[int], attempt: int
     ) -> None:
         self._stage, self.attempt, self.others, self.as_sent = stage, attempt, others, as_sent
-        self.parts, self._mine = own, dict(sorted({**own, **stage.as_sent(as_sent)}.items()))
+        self._own, self._mine = own, dict(sorted({**own, **stage.as_sent(as_sent)}.items()))
         self._all = Parts(list(self._mine.values()))
         sides = [self._mine.get(n, side) for n, side in enumerate(stage.sides)]
         self._coordinator = Coordinator(sides, stage.raw, stage.joined)
@@ -34,12 +34,7 @@ class Leader:
         self._ask: Ask | None = None
         self._tried = stage.common
         self._last: Said | None = None
-        self.end: Said | None = None
-
-    @property
-    def values(self) -> Values:
-        """Where the separators are."""
-        return self._coordinator.values
+        self.result: Result | None = None
 
     def begin(self, now_s: float) -> None:
         """The first question."""
@@ -52,7 +47,7 @@ class Leader:
 
     def attend(self, now_s: float) -> None:
         """Where all answers are there the course goes on, by one question."""
-        if self.end is None and not self.silent:
+        if self.result is None and not self.silent:
             self._go_on(now_s, self._together())
 
     @property
@@ -63,7 +58,7 @@ class Leader:
     def _go_on(self, now_s: float, answer: Any) -> None:
         """Ask what is next; once the course has ended, tell how."""
         if self._last is not None:
-            self.end = self._last
+            self.result = Result(self._last, self._coordinator.values, interiors_of(self._own))
             return
         try:
             self._ask = self._course.throw(answer) if isinstance(answer, SolveError) else self._course.send(answer)

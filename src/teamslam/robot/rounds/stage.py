@@ -3,6 +3,8 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from teamslam.errors import SolveError
 from teamslam.geometry import IntArray
 from teamslam.joining import Component, condense
@@ -65,16 +67,14 @@ class Stage:
         sent = [8 * sum(self.sides[n].sending.numbers for n in self.of_robot(robot)) for robot in self.robots]
         return max(sent) <= SECONDS * rate
 
-    def map_at(self, common: Values, parts: Mapping[int, Part], cost: float) -> Submap:
-        """The whole part with its separators at `common`: the interiors of `parts` where these have them, all others
-        where their submaps put them then. Its information is that of the submaps there, each as it was sent."""
+    def map_at(self, common: Values, interiors: Mapping[int, Values], cost: float) -> Submap:
+        """The whole part with its separators at `common`: the `interiors` that are known of some submaps, each in its
+        frame, all others where their submaps put them then. Its information is that of the submaps there, each as it
+        was sent."""
         values = point_of(self.joined).update(common)
         for n, side in enumerate(self.sides):
-            if n in parts and not parts[n].sends_whole:
-                own = parts[n]
-                inside = ~common.layout.contains(own.system.free.keys)
-                interior = own.values.only(own.system.free.keys[inside])
-                values = values.update(interior.transform(common.pose(side.submap.base)))
+            if n in interiors:
+                values = values.update(interiors[n].transform(common.pose(side.submap.base)))
             elif not side.sending.whole:
                 values = values.update(condense(side.submap, side.sending.kept.keys)[1].recover_from(values))
         submaps = [SubmapTerm.of(side.submap) for side in self.sides]
@@ -82,6 +82,13 @@ class Stage:
         information = system.linearise(values).information.to_csr()
         free = values.only(system.free.keys)
         return replace(self.joined, values=free, information=information, cost=cost, chi2=cost)
+
+
+def interiors_of(parts: Mapping[int, Part]) -> dict[int, Values]:
+    """Where submaps are that a robot keeps the inside of to itself, by their places: all that is left to be known of
+    their parts once rounds have ended."""
+    kept = {n: part for n, part in parts.items() if not part.sends_whole}
+    return {n: part.values.only(np.setdiff1d(part.system.free.keys, part.kept.keys)) for n, part in kept.items()}
 
 
 def _piece(pieces: Mapping[Sources, Dataset], submap: Submap) -> Dataset:
