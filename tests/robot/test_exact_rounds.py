@@ -1,5 +1,7 @@
 """Exact rounds between robots: they end where the full least squares does, or are given up with a reason."""
 
+import gc
+import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +27,7 @@ from teamslam.robot.reduced import reduced_from, to_numbers
 from teamslam.robot.rounds import Account, Rounds
 from teamslam.robot.rounds.leader import Leader
 from teamslam.robot.rounds.said import Said
-from teamslam.solver import SubmapTerm, System, optimise
+from teamslam.solver import Factor, SubmapTerm, System, optimise
 from worlds import team
 
 PIECES = Options(poses_per_piece=9)
@@ -197,6 +199,40 @@ def test_new_submaps_end_the_rounds_on_the_old_ones() -> None:
     assert not members[2].rounds.accounts
     talk(air, members, 61, 140)
     assert all(account(member).exactness is not None for member in members.values())
+
+
+def test_a_team_that_stands_holds_no_more_however_often_rounds_begin_anew() -> None:
+    """Law: once rounds have ended, nothing of what they worked with is left; and where they are made again and again, of
+    a newer submap, without a robot that is away and with it once it is back, as much is held as before."""
+    air = Air(Weather(), 0)
+    members, now = parked(Habits(patience_s=1.0), air), 0
+    gc.collect()
+    before = held_of(Part, Factor, Leader)
+    talk(air, members, now, now := now + 60)
+    held: list[tuple[int, int]] = []
+    tracemalloc.start()
+    for version, gone in enumerate((3, 1, 3), 1):
+        lost = members.pop(gone)
+        air.leave(gone)
+        talk(air, members, now, now := now + 12)
+        newer = replace(members[2].peer.own[next(iter(members[2].peer.own))], version=version)
+        members[2].peer = members[2].peer.with_submaps([newer])
+        talk(air, members, now, now := now + 90)
+        assert account(members[2]).as_sent == (gone,)
+        members[gone] = replace(lost, link=air.link(gone))
+        talk(air, members, now, now := now + 70)
+        assert all(account(member).as_sent == () and not member.rounds.busy for member in members.values())
+        gc.collect()
+        assert held_of(Part, Factor, Leader) == before
+        held.append((len(gc.get_objects()), tracemalloc.get_traced_memory()[0]))
+    tracemalloc.stop()
+    (objects, size), (objects_then, size_then) = held[-2:]
+    assert objects_then - objects < 100 and size_then - size < 30_000  # `opened` remembers the newer submap's 2 kB
+
+
+def held_of(*kinds: type) -> int:
+    """How many objects of some kinds are alive."""
+    return sum(isinstance(each, kinds) for each in gc.get_objects())
 
 
 def test_where_links_are_tight_there_are_none_and_it_is_said() -> None:

@@ -51,7 +51,7 @@ class Course:
         self._side: Leader | Follower | None = None
         self._attempt = self._tries = 0
         self._result: Result | None = None
-        self.why, self.busy = "", False
+        self.why, self.busy, self._given_up = "", False, False
 
     @property
     def account(self) -> Account:
@@ -111,7 +111,7 @@ class Course:
 
     def _lead(self, now_s: float, peer: Peer, robot: Robot, heard: Heard, others: Sequence[int]) -> Out:
         back = self._result is None or not set(self._result.end.as_sent).isdisjoint(others)
-        if self.why or not back:
+        if self._given_up or not back:
             self.busy = False
             return []
         self.busy = True
@@ -148,7 +148,10 @@ class Course:
         if away and not waited:
             return []
         if elsewhere := [n for n in others if peer.lines[n].root != self.root]:
-            return self._give_up(f"robot {elsewhere[0]} holds something else") if waited else []
+            if waited:  # it may come to hold the same yet, as one does that is back
+                self.why, self.busy = f"robot {elsewhere[0]} holds something else", False
+            return []
+        self.why = ""
         stage = self._stage()
         if not stage.light(peer.habits.rate):
             return self._give_up("the links are too tight")
@@ -168,7 +171,7 @@ class Course:
         return [(robot, question) for robot in robots]
 
     def _give_up(self, why: str) -> Out:
-        self.why, self.busy, self._side = why, False, None
+        self.why, self.busy, self._given_up, self._side = why, False, True, None
         return []
 
 
