@@ -202,8 +202,8 @@ def test_new_submaps_end_the_rounds_on_the_old_ones() -> None:
 
 
 def test_a_team_that_stands_holds_no_more_however_often_rounds_begin_anew() -> None:
-    """Law: once rounds have ended, nothing of what they worked with is left; and where they are made again and again, of
-    a newer submap, without a robot that is away and with it once it is back, as much is held as before."""
+    """Law: once rounds have ended, nothing of what they worked with is left; and where they are made again, of a newer
+    submap, without a robot that is away and with it once it is back, as much is held as before."""
     air = Air(Weather(), 0)
     members, now = parked(Habits(patience_s=1.0), air), 0
     gc.collect()
