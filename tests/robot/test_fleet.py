@@ -78,8 +78,12 @@ def test_the_pose_of_now_goes_on_from_the_map_of_the_team(world: str) -> None:
     whole = join([*own, *others]).map
     assert start is not None and start.key == robot.since and start.frame == whole.base
     expected = Covariances.of_map(whole)
-    joint = expected.joint(start.order.keys)
-    np.testing.assert_allclose(start.covariance, joint, rtol=1e-6, atol=1e-9 * np.abs(joint).max())
+    assert start.ahead is not None and start.ahead.order.keys[0] == start.key
+    joint = expected.joint(start.ahead.order.keys)
+    np.testing.assert_allclose(start.ahead.covariance, joint, rtol=1e-6, atol=1e-9 * np.abs(joint).max())
+    np.testing.assert_allclose(
+        start.pose_covariance, expected.of(start.key), rtol=1e-6, atol=1e-9 * np.abs(joint).max()
+    )
     off = start.pose[None].minus(whole.values.pose(start.key)[None])[0]
     assert np.abs(off).max() < 1e-6
 

@@ -1,17 +1,20 @@
 """Where the robot is now, and the landmarks about it: one Gaussian, moved and sharpened row by row.
 
     moved     x_new = x (+) u        F = -D^-1 B', Q = D^-1 from H = [A B; B' D] of the odometry between the two poses
-    enter     a landmark seen for the first time: the same, from the rows that see it
+    told      a landmark that the map knows, seen for the first time: from the map, given what is held of it (`ahead`)
+    enter     a landmark that nobody knows: as the pose, from the rows that see it
     seen      x (+) P_s (1 + H P_ss)^-1 (g + H d)     P - P_s (1 + H P_ss)^-1 H P_s'
 
 with H and g of the rows (`normal_equations`), s the variables that they speak of, and d how far these have moved since
 the start of the update: it is repeated, linearised anew, while the sight of things turns by more than a little.
+All in the unknowns of `order`, in which what is new turns with the pose.
+
 What the filter forgets it has marginalised: a landmark that comes back enters as one that nobody knows, which loses
 what was known of it and counts nothing twice. So work is bounded by how many landmarks it may hold, whatever the
 mission; and as it begins anew from the map wherever a submap closes (`outlook`), its linearisations do not grow old.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +24,8 @@ from teamslam.geometry import Array, BoolArray, IntArray, Pose
 from teamslam.joining.start.targets import measured_poses, sightings
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, pack, point_kind, pose_kind, unpack
 from teamslam.model.keys import WORLD
-from teamslam.model.layout import KIND_DOF, KIND_SIZE, rows_of
+from teamslam.robot.ahead import Ahead
+from teamslam.robot.order import Order, turning
 from teamslam.solver import normal_equations
 
 REPEATED = 3  # linearisations of one update at most
@@ -29,80 +33,41 @@ LITTLE = 0.05  # [rad] by which the sight of things may turn before rows are lin
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
-    """The variables of a filter: its pose first, then landmarks as they came."""
-
-    keys: IntArray
-    kinds: IntArray
-
-    def __len__(self) -> int:
-        return len(self.keys)
-
-    @cached_property
-    def unknowns(self) -> IntArray:
-        """First unknown of each, and the total."""
-        return np.concatenate([[0], np.cumsum(KIND_DOF[self.kinds])])
-
-    @cached_property
-    def numbers(self) -> IntArray:
-        """First number in the state of each, and the total."""
-        return np.concatenate([[0], np.cumsum(KIND_SIZE[self.kinds])])
-
-    @cached_property
-    def place(self) -> dict[int, int]:
-        """The place of each landmark."""
-        return {key: n for n, key in enumerate(self.keys.tolist()) if n}
-
-    @cached_property
-    def parts(self) -> list[tuple[Kind, IntArray, IntArray]]:
-        """Of each kind that there is: its numbers in the state (n, size) and its unknowns (n, dof)."""
-        out = []
-        for kind in map(Kind, np.unique(self.kinds).tolist()):
-            at = np.flatnonzero(self.kinds == kind)
-            out.append(
-                (kind, self.numbers[at, None] + np.arange(kind.size), self.unknowns[at, None] + np.arange(kind.dof))
-            )
-        return out
-
-    def columns(self, places: IntArray) -> IntArray:
-        """The unknowns of the variables at some places."""
-        return rows_of(self.unknowns[places], KIND_DOF[self.kinds[places]])
-
-    def rows(self, places: IntArray) -> IntArray:
-        """The numbers in the state of the variables at some places."""
-        return rows_of(self.numbers[places], KIND_SIZE[self.kinds[places]])
-
-    def retract(self, state: Array, delta: Array) -> Array:
-        """x (+) delta."""
-        out = state.copy()
-        for kind, numbers, unknowns in self.parts:
-            if kind.is_pose:
-                moved = unpack(state[numbers], kind)
-                assert isinstance(moved, Pose)
-                out[numbers] = pack(moved.retract(delta[unknowns]))
-            else:
-                out[numbers] += delta[unknowns]
-        return out
-
-
-@dataclass(frozen=True, eq=False)
 class Filter:
     """The robot's pose and landmarks about it, written in the frame `frame` (a pose's key, or WORLD).
 
-    `order`, `state` as `Values` has it in that order, `covariance` (n, n) over its unknowns, symmetric to rounding.
+    `order`, `state` as `Values` has it in that order, `covariance` (n, n) over its unknowns, symmetric to rounding;
+    `centre` (d,), about which things turn. `ahead`: what the map knows; `told`: the landmarks that it has told of.
     """
 
     frame: int
     order: Order
     state: Array
     covariance: Array
+    centre: Array
+    ahead: Ahead | None = None
+    told: frozenset[int] = frozenset()
 
     @classmethod
     def at(cls, key: int, dim: int) -> "Filter":
         """A robot that knows nothing but itself: its pose is the frame."""
         kind = pose_kind(dim)
-        order = Order(np.array([key]), np.array([int(kind)]))
-        return cls(key, order, pack(Pose.identity(dim)), np.zeros((kind.dof, kind.dof)))
+        order = Order(np.array([key]), np.array([int(kind)]), np.ones(1, bool))
+        return cls(key, order, pack(Pose.identity(dim)), np.zeros((kind.dof, kind.dof)), np.zeros(dim))
+
+    @classmethod
+    def begun(cls, ahead: Ahead) -> "Filter":
+        """A robot at the pose where it begins, of which a map knows; and that pose."""
+        order = Order(ahead.order.keys[[0, 0]], ahead.order.kinds[[0, 0]], np.array([True, False]))
+        kind = Kind(int(order.kinds[0]))
+        here = ahead.state[: kind.size]
+        pose = unpack(here, kind)
+        assert isinstance(pose, Pose)
+        centre = pose.translation.copy()
+        J = np.concatenate([np.linalg.inv(_charted(turning(kind, here[None], centre)[0])), np.eye(kind.dof)])
+        return cls(
+            ahead.frame, order, np.tile(here, 2), J @ ahead.covariance[: kind.dof, : kind.dof] @ J.T, centre, ahead
+        )
 
     @property
     def key(self) -> int:
@@ -125,8 +90,14 @@ class Filter:
     def pose_covariance(self) -> Array:
         """Its covariance in the chart of `geometry.pose`."""
         n = self.kind.dof
-        found = self.covariance[:n, :n]
+        T = _charted(self.turning[:n])
+        found = T @ self.covariance[:n, :n] @ T.T
         return np.asarray(0.5 * (found + found.T))
+
+    @cached_property
+    def turning(self) -> Array:
+        """How all unknowns of the mixed chart move as what turns turns: (unknowns, axes)."""
+        return self.order.turning(self.state, self.centre)
 
     # --- moving ---------------------------------------------------------------------------------------------------
 
@@ -144,18 +115,25 @@ class Filter:
             return None
         F, Q, shift = found
         there = (start if len(table) == 1 else start.retract(shift)).sharpened()
-        n, covariance = self.kind.dof, self.covariance.copy()
-        covariance[:n] = F @ self.covariance[:n]
-        covariance[:, :n] = covariance[:, :n] @ F.T
-        covariance[:n, n:] = covariance[n:, :n].T
-        covariance[:n, :n] += Q
-        keys = self.order.keys.copy()
-        keys[0] = new
-        order = Order(keys, self.order.kinds)
-        for name in ("unknowns", "numbers", "place", "parts"):  # they do not depend on what the pose is called
-            if name in self.order.__dict__:
-                order.__dict__[name] = self.order.__dict__[name]
-        return Filter(self.frame, order, np.concatenate([pack(there), self.state[m:]]), covariance)
+        order, state = self.order.at(new), np.concatenate([pack(there), self.state[m:]])
+        C = self.turning.copy()
+        C[: self.kind.dof] = turning(self.kind, state[None, :m], self.centre)[0]
+        onward = replace(self, order=order, state=state, covariance=self._carried(F, Q, C))
+        onward.__dict__["turning"] = C
+        return onward
+
+    def _carried(self, F: Array, Q: Array, C: Array) -> Array:
+        """The covariance at a new pose, where things turn by C. What turns is where it was: where the pose has turned,
+        it has not turned along."""
+        n, d = self.kind.dof, self.kind.dim
+        back, axes = np.linalg.inv(_charted(C[:n])), np.eye(n)[d:]
+        F, Q = back @ F @ _charted(self.turning[:n]), back @ Q @ back.T
+        by_noise, by_old = -C @ axes, C @ (axes - F[d:])
+        by_noise[:n], by_old[:n] = np.eye(n), F - np.eye(n)
+        out = self.covariance + by_old @ self.covariance[:n]
+        out += out[:, :n] @ by_old.T
+        out += by_noise @ Q @ by_noise.T
+        return np.asarray(out)
 
     def _beyond(self, table: Table) -> Pose:
         """Where the first relative pose of a table puts the next pose."""
@@ -163,6 +141,31 @@ class Filter:
         return self.pose @ (step if int(table.keys[0, 0]) == self.key else step.inverse())
 
     # --- seeing ---------------------------------------------------------------------------------------------------
+
+    def recalled(self, table: Table) -> "Filter":
+        """With the landmarks of a table's rows that the map knows, where they were not in it yet."""
+        if self.ahead is None or table.row.unary:
+            return self
+        known, held = self.ahead.order.place, self.order.place
+        marks = [k for k in dict.fromkeys(table.keys[:, 1].tolist()) if k in known and k not in held]
+        marks = [k for k in marks if k not in self.told]
+        if not marks:
+            return self
+        mine = np.flatnonzero(~self.order.turns)
+        theirs = np.array([0, *(known[k] for k in self.order.keys[mine[1:]].tolist())])
+        new = np.array([known[k] for k in marks])
+        found = self.ahead.conditional(theirs, new)
+        if found is None:
+            return self
+        G, left = found
+        across = G @ self.covariance[self.order.columns(mine)]
+        own = across[:, self.order.columns(mine)] @ G.T + left
+        there = self.ahead.moved(theirs, self.state[self.order.rows(mine)], new, G)
+        return replace(
+            self, order=self.order.plus(self.ahead.order.only(new)), state=np.concatenate([self.state, there]),
+            covariance=_grown(self.covariance, across, own),
+            told=self.told | frozenset(marks),
+        )  # fmt: skip
 
     def entered(self, table: Table) -> "Filter":
         """With the landmarks that a table's rows see whole from this pose and that were not in it yet; each by its
@@ -207,11 +210,13 @@ class Filter:
         if found is None:
             return self
         F, Q, _ = found
+        F = F @ _charted(self.turning[:n])
+        F[:, self.kind.dim :] -= turning(Kind(int(kinds[0])), states, self.centre).reshape(len(F), -1)
         across = F @ self.covariance[:n]
         own = across[:, :n] @ F.T + Q
-        covariance = np.block([[self.covariance, across.T], [across, 0.5 * (own + own.T)]])
-        order = Order(np.concatenate([self.order.keys, keys]), np.concatenate([self.order.kinds, kinds]))
-        return Filter(self.frame, order, np.concatenate([self.state, states.ravel()]), covariance)
+        covariance = _grown(self.covariance, across, own)
+        order = self.order.plus(Order(keys, kinds, np.ones(len(keys), bool)))
+        return replace(self, order=order, state=np.concatenate([self.state, states.ravel()]), covariance=covariance)
 
     def seen(self, table: Table) -> "Filter":
         """Sharpened by the rows of a table that see what it holds from this pose."""
@@ -231,8 +236,8 @@ class Filter:
         rows, columns = self.order.rows(places), self.order.columns(places)
         P_s = self.covariance[:, columns]
         P_ss = P_s[columns]
-        eye = np.eye(len(columns))
-        state, moved = self.state, np.zeros(len(columns))
+        eye, axes = np.eye(len(columns)), slice(self.kind.dim, self.kind.dof)
+        state, moved, turned = self.state, np.zeros(len(columns)), self.turning
         for _ in range(REPEATED):
             try:
                 _, H, g = normal_equations(table, keys, kinds, state[rows])
@@ -240,16 +245,20 @@ class Filter:
                 return self
             if not (np.isfinite(g).all() and np.isfinite(H).all()):
                 return self
+            T = np.eye(len(columns))
+            T[:, axes] = turned[columns]
+            H, g = T.T @ H @ T, T.T @ g
             gain = np.linalg.solve(eye + H @ P_ss, np.concatenate([H, (g + H @ moved)[:, None]], 1))
             shift = P_s @ gain[:, -1]
-            state = self.order.retract(self.state, shift)
+            state = self.order.retract(self.state, shift, self.centre)
             ahead, moved = shift[columns] - moved, shift[columns]
             if not self._turned(ahead, places):
                 break
+            turned = self.order.turning(state, self.centre)
         inner = gain[:, :-1]
         covariance = P_s @ (0.5 * (inner + inner.T)) @ P_s.T
         np.subtract(self.covariance, covariance, out=covariance)  # in place: what is made of n^2 numbers takes its time
-        return Filter(self.frame, self.order, state, covariance)
+        return replace(self, state=state, covariance=covariance)
 
     def _turned(self, ahead: Array, places: IntArray) -> bool:
         """Whether a movement turns the sight of some variables by more than a little."""
@@ -266,16 +275,33 @@ class Filter:
 
     def near(self, most: int) -> "Filter":
         """With at most so many landmarks: those nearest to the robot over the ground."""
-        if len(self.order) - 1 <= most:
+        first = self.order.first
+        if len(self.order) - first <= most:
             return self
-        places = self.state[self.order.numbers[1:-1, None] + np.arange(2)]
+        places = self.state[self.order.numbers[first:-1, None] + np.arange(2)]
         away = np.sum((places - self.state[:2]) ** 2, -1)
-        kept = np.concatenate([[0], 1 + np.sort(np.argsort(away, kind="stable")[:most])])
+        kept = np.concatenate([np.arange(first), first + np.sort(np.argsort(away, kind="stable")[:most])])
         columns = self.order.columns(kept)
-        return Filter(
-            self.frame, Order(self.order.keys[kept], self.order.kinds[kept]), self.state[self.order.rows(kept)],
-            self.covariance[np.ix_(columns, columns)],
+        return replace(
+            self, order=self.order.only(kept), state=self.state[self.order.rows(kept)],
+            covariance=self.covariance[np.ix_(columns, columns)],
         )  # fmt: skip
+
+
+def _charted(turned: Array) -> Array:
+    """How a pose that turns by so much moves in the mixed chart with its unknowns in the filter."""
+    n, axes = turned.shape
+    out = np.eye(n)
+    out[:, n - axes :] = turned
+    return out
+
+
+def _grown(covariance: Array, across: Array, own: Array) -> Array:
+    """With more unknowns at the end."""
+    n, m = len(covariance), len(covariance) + len(own)
+    out = np.empty((m, m))
+    out[:n, :n], out[n:, :n], out[:n, n:], out[n:, n:] = covariance, across, across.T, 0.5 * (own + own.T)
+    return out
 
 
 def _conditional(H: Array, g: Array, n: int) -> tuple[Array, Array, Array] | None:

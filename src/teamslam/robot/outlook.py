@@ -11,8 +11,12 @@ import numpy as np
 from teamslam.geometry import IntArray
 from teamslam.model import Submap, Values
 from teamslam.model.layout import KIND_SIZE, rows_of
-from teamslam.robot.filter import Filter, Order
+from teamslam.robot.ahead import Ahead
+from teamslam.robot.filter import Filter
+from teamslam.robot.order import Order
 from teamslam.solver import Covariances
+
+AHEAD = 4  # landmarks that may be told of on the way, for each that may be carried at a time
 
 
 def outlook(known: Submap, at: int, landmarks: int) -> Filter | None:
@@ -21,16 +25,16 @@ def outlook(known: Submap, at: int, landmarks: int) -> Filter | None:
     values = known.all_values
     if not values.layout.contains(at):
         return None
-    keys = np.concatenate([[at], _nearest(values, at, known.landmark_keys, landmarks)])
+    keys = np.concatenate([[at], _nearest(values, at, known.landmark_keys, AHEAD * landmarks)])
     places = values.layout.index(keys)
-    order = Order(keys, values.layout.kinds[places])
+    order = Order(keys, values.layout.kinds[places], np.zeros(len(keys), bool))
     state = values.state[rows_of(values.layout.state_start[places], KIND_SIZE[order.kinds])]
     covariance = np.zeros((int(order.unknowns[-1]),) * 2)
     free = keys != known.base
     if free.any():
         columns = order.columns(np.flatnonzero(free))
         covariance[np.ix_(columns, columns)] = Covariances.of_map(known).joint(keys[free])
-    return Filter(known.base, order, state, covariance)
+    return Filter.begun(Ahead(known.base, order, state, covariance))
 
 
 def _nearest(values: Values, at: int, marks: IntArray, most: int) -> IntArray:

@@ -73,11 +73,12 @@ def _after(filter_: Filter | None, batch: Batch, pace: Pace) -> Filter | None:
         filter_ = Filter.at(at, pace.dim)
     if at < filter_.key:
         return filter_
+    filter_ = filter_.recalled(table)
     seen = filter_.seen(table)
-    return seen if table.row.unary else _with_new(filter_, seen, table, pace.landmarks)
+    return seen if table.row.unary else _with_new(filter_, seen, table).near(pace.landmarks)
 
 
-def _with_new(before: Filter, seen: Filter, table: Table, landmarks: int) -> Filter:
+def _with_new(before: Filter, seen: Filter, table: Table) -> Filter:
     """With what was seen for the first time; what was seen of it twice at once counts once more."""
     entered = seen.entered(table)
     if entered is seen:
@@ -85,7 +86,7 @@ def _with_new(before: Filter, seen: Filter, table: Table, landmarks: int) -> Fil
     again = np.fromiter((key not in before.order.place for key in table.keys[:, 1].tolist()), bool, len(table))
     _, first = np.unique(table.keys[:, 1], return_index=True)
     again[first] = False
-    return (entered.seen(table.select(again)) if again.any() else entered).near(landmarks)
+    return entered.seen(table.select(again)) if again.any() else entered
 
 
 def _moved(filter_: Filter, table: Table, pace: Pace) -> Filter:
