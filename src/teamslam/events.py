@@ -10,11 +10,12 @@
     wrong                            a line that made no sense: why
     refused                          packets of others: why, and how many since it was told last
     journal                          trouble with the disk; empty when it is over
+    left_out                         a submap that is held and in no map: why
     parked                           no rows will come any more
     revoked                          a robot is out for ever
 
 They are the differences of what it says of itself (`Driver.status`): nothing is told twice. A file that cannot be
-written to ends nothing: what was to be told is lost and counted.
+written to ends nothing: what was to be told waits.
 """
 
 import json
@@ -23,28 +24,32 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from teamslam.io.files.growing import Growing
+
 Event = dict[str, Any]
 
 
 class Events:
-    """A file of events that grows; None: nowhere. `lost` counts those that could not be written."""
+    """A file of events that grows; None: nowhere."""
 
     def __init__(self, path: Path | None) -> None:
-        self.lost, self._said = 0, dict[str, Any]()
-        self._file = None if path is None else path.open("a", encoding="utf-8")
+        self._said = dict[str, Any]()
+        self._file = None if path is None else Growing(path)
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the disk now, in words."""
+        return "" if self._file is None else self._file.trouble
 
     def tell(self, event: str, **more: Any) -> None:
         """One event."""
-        if self._file is None:
-            return
-        try:
-            self._file.write(json.dumps({"time": _now(), "event": event} | more) + "\n")
-            self._file.flush()
-        except OSError:
-            self.lost += 1
+        if self._file is not None:
+            self._file.add(json.dumps({"time": _now(), "event": event} | more) + "\n")
 
     def changed(self, status: Mapping[str, Any]) -> None:
         """What has changed since the last status."""
+        if self._file is not None:
+            self._file.add("")  # what waits is tried again
         for event in happened(self._said, status):
             self.tell(**event)
         self._said = dict(status)
@@ -76,6 +81,8 @@ def happened(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[Ev
         yield {"event": "lacking", "submaps": missing} if missing else {"event": "complete"}
     if after.get("journal", "") != before.get("journal", ""):
         yield {"event": "journal", "trouble": after["journal"]}
+    for name in [name for name in after.get("left_out", {}) if name not in before.get("left_out", {})]:
+        yield {"event": "left_out", "id": name, "reason": after["left_out"][name]}
     if after.get("parked") and not before.get("parked"):
         yield {"event": "parked"}
 

@@ -1,6 +1,8 @@
 """`teamslam robot`: a log played row by row; submaps as they close, poses as they are known at the time."""
 
 import csv
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -57,3 +59,24 @@ def test_calls_that_make_no_sense_are_refused_and_leave_nothing(
 ) -> None:
     called = teamslam("robot", log, "--out", tmp_path / "out", *extra)
     assert called.code == 2 and says in called.err and not (tmp_path / "out").exists()
+
+
+def test_on_a_disk_that_fills_it_maps_on_says_so_and_loses_nothing(log: Path, tmp_path: Path) -> None:
+    """No file may grow beyond some kilobytes, which is too little for its poses and its journal. It says so, and makes
+    its submaps all the same; once there is room it goes on from what its journal had."""
+    resource = pytest.importorskip("resource")  # not on Windows
+    command = [sys.executable, "-m", "teamslam", "robot", str(log), "--robot", "2", "--out", str(tmp_path / "two")]
+    command += ["--poses-per-piece", "8", "--resume"]
+
+    def tight() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, resource.RLIM_INFINITY))
+
+    full = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=tight)
+    assert full.returncode == 1 and full.stderr.count("teamslam:") == 1, full.stderr
+    assert "journal.db" in full.stderr and "records wait in memory" in full.stderr
+    pieces = split(read(log).of_robot(2), poses_per_piece=8)
+    best = sorted(canonical(build(piece)) for piece in pieces)
+    assert sorted(map(canonical, read_submaps(tmp_path / "two" / "submaps"))) == best
+    room = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert room.returncode == 0 and not room.stderr
+    assert sorted(map(canonical, read_submaps(tmp_path / "two" / "submaps"))) == best

@@ -2,14 +2,23 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from teamslam.convoy import Driver
+from teamslam.events import happened
+from teamslam.fleet import Member
 from teamslam.io import read, read_submaps, write
 from teamslam.joining import build, split
+from teamslam.robot import Robot
+from teamslam.robot.journal import Journal
+from teamslam.robot.link.memory import Air, Weather
+from teamslam.robot.peer import Peer
+from teamslam.robot.rows import head_of
 from teamslam.team import SubmapSet
-from teamslam.wire.messages import canonical
+from teamslam.wire.messages import canonical, send
 from worlds import team
 
 
@@ -96,4 +105,32 @@ def test_status_says_who_is_alive(teamslam, tmp_path: Path) -> None:
         os.utime(tmp_path / name / "status.json", (0, 0))
     os.utime(tmp_path / "1" / "status.json", (1e10, 1e10))  # it is always just now
     called = teamslam("status", tmp_path, "--json")
+    assert called.code == 0
     assert [robot["is_alive"] for robot in json.loads(called.out)] == ["yes", "yes", "no", "ended"]
+
+
+def test_a_submap_that_is_held_and_in_no_map_is_told(teamslam, tmp_path: Path) -> None:
+    """As where two robots go by one name: which of two submaps is right nobody can tell."""
+    log = team("2d", robots=1, poses=9, landmarks=5)
+    (piece,) = split(log)
+    one = build(piece)
+    other = replace(one, information=2.0 * one.information)
+    member = Member(Robot.of(log, 1), Peer(1), Air(Weather(), 0).link(1))
+    for submap in (one, other):
+        member.peer = member.peer.with_bodies([send("sparse", submap, submap.values.layout.keys).data])
+    with Journal(tmp_path / "journal.db", head_of(log, 1)) as journal:
+        said = Driver(member, journal).status(log.names)
+    assert "2 different submaps are all called 1/0" in said["left_out"]["1/0"]
+    assert [e["event"] for e in happened({}, said)].count("left_out") == 1 and not list(happened(said, said))
+    (tmp_path / "status.json").write_text(json.dumps(said))
+    called = teamslam("status", tmp_path)
+    assert called.code == 1 and "which is right cannot be told" in called.out
+
+
+def test_a_log_without_rows_gives_no_map_and_says_so(teamslam, log: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for path in log.iterdir():
+        text = path.read_text()
+        (tmp_path / "empty" / path.name).write_text(text if path.suffix == ".toml" else text.splitlines(True)[0])
+    called = teamslam("team", tmp_path / "empty", "--out", tmp_path / "out", "--in-memory")
+    assert called.code == 1 and "no robot has rows that a submap could be made of" in called.err

@@ -154,6 +154,24 @@ def test_the_journal_of_another_is_refused(tmp_path: Path) -> None:
         Journal(tmp_path / "nowhere" / "journal.db", head_of(log, 1))
 
 
+def test_a_journal_is_of_one_process_at_a_time(tmp_path: Path) -> None:
+    """A robot that is started twice would say different things under one name; a process that has ended is in nobody's
+    way, however it ended."""
+    log = team("2d", robots=1, poses=10)
+    holds = "import sys, time; from teamslam.io import read; from teamslam.robot.journal import Journal; "
+    holds += "from teamslam.robot.rows import head_of; j = Journal(sys.argv[2], head_of(read(sys.argv[1]), 1)); "
+    holds += "print('there', flush=True); time.sleep(600)"
+    write(log, tmp_path / "log", "plain")
+    head = head_of(read(tmp_path / "log"), 1)
+    command = [sys.executable, "-c", holds, str(tmp_path / "log"), str(tmp_path / "journal.db")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None and other.stdout.readline() == "there\n"
+        with pytest.raises(InputError, match="this robot is running already; end it first"):
+            Journal(tmp_path / "journal.db", head)
+        other.kill()
+    Journal(tmp_path / "journal.db", head).close()
+
+
 def test_a_robot_that_is_killed_again_and_again_ends_with_the_offline_submaps(tmp_path: Path) -> None:
     """SIGKILL at random moments, also while it writes; each time it goes on from its journal."""
     log = team("2d", robots=1, poses=60, landmarks=8)

@@ -79,10 +79,15 @@ def in_prose() -> bool:
 
 
 def complain(text: str) -> None:
-    """One clear message on stderr."""
+    """One clear message on stderr. Where that is a file on a full disk nobody can be told, which ends nothing."""
     console = stderr()
-    console.print("teamslam:", style="bold red", end=" ")
-    console.print(printable(text), soft_wrap=True)
+    try:
+        console.print("teamslam:", style="bold red", end=" ")
+        console.print(printable(text), soft_wrap=True)
+    except BrokenPipeError:
+        raise
+    except OSError:
+        return
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:

@@ -27,12 +27,11 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     """One robot among its team until it is ended; it goes on from its journal where there is one."""
     from teamslam.beside import Beside
     from teamslam.cli.console import complain
-    from teamslam.cli.driving import Shown
+    from teamslam.cli.driving import Disks, Finished, Shown
     from teamslam.convoy import Driver
     from teamslam.events import Events
     from teamslam.fleet import Member
     from teamslam.io.files.whole import whole_file
-    from teamslam.io.submaps.arrays import file_name, write_submap
     from teamslam.live import Mapper, begun
     from teamslam.results.fleet import joined
     from teamslam.results.poses import PoseFile
@@ -47,7 +46,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
-    out, dataset, events, wrong = Path(str(duty.out)), source.log, Events(duty.events), 0
+    out, dataset, events, wrong, disks = Path(str(duty.out)), source.log, Events(duty.events), 0, Disks()
     (out / "submaps").mkdir(parents=True, exist_ok=True)
     robot = address.robot
     with (
@@ -66,10 +65,16 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             for now in driver.member.told:
                 poses.add(now)
             driver.member.told.clear()  # they are in the file
+            poses.add(None)
             said = driver.status(driver.member.robot.head.names) | {"dropped": link.dropped, "shut_out": link.shut_out}
-            events.changed(said)
-            with whole_file(out / "status.json") as file:
-                file.write(json.dumps(said, indent=1).encode())
+            disks.tell(journal=journal.trouble, poses=poses.trouble, events=events.trouble)
+            events.changed(said | {"journal": disks.words})
+            try:
+                with whole_file(out / "status.json") as file:
+                    file.write(json.dumps(said | {"journal": disks.words}, indent=1).encode())
+                disks.tell(status="")
+            except OSError as error:  # it maps on
+                disks.tell(status=f"{error.filename}: {error.strerror}")
 
         def heard(error: "InputError") -> None:
             nonlocal wrong
@@ -86,16 +91,18 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside)), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
         whole = driver.drive(source.rows(start, memory, heard), duty.speed)
-    for submap in driver.member.mapper.atlas.submaps:
-        write_submap(submap, out / "submaps" / file_name(submap))
+    finished = Finished(out / "submaps")
+    finished.add(driver.member.mapper.atlas.submaps)
+    disks.tell(journal=journal.trouble, poses=poses.trouble, submaps=finished.trouble)
+    left_out = driver.member.peer.held.admission.refused
     made = joined(driver.member.peer.held)
     written_anew([component.map for component in made.components] if made is not None else [], out / "maps")
     written_anew(driver.member.rounds.maps, out / "exact")
-    for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
+    for trouble in (*memory.damaged, *(refusal.reason for refusal in left_out)):
         complain(trouble)
     if wrong:
         complain(f"{counted(wrong, 'line')} made no sense and were left out")
-    code = 0 if whole and not wrong and not memory.damaged and not journal.trouble else 1
+    code = 0 if whole and not wrong and not memory.damaged and not left_out and not disks.words else 1
     events.tell("ended", code=code)
     events.close()
     return code
@@ -105,10 +112,14 @@ def written_anew(parts: "Sequence[Submap]", folder: Path) -> None:
     """The parts of a map in place of those that a folder holds of an earlier time."""
     from teamslam.io import write_submaps
 
+    draft = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(draft, ignore_errors=True)
+    if parts:
+        write_submaps(parts, draft)
     if folder.is_dir():
         shutil.rmtree(folder)
     if parts:
-        write_submaps(parts, folder)
+        draft.rename(folder)
 
 
 def _known(bodies: "Sequence[Body]") -> set[bytes]:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from teamslam.duty import Duty
     from teamslam.errors import InputError
     from teamslam.io.plain.lines import Lines
-    from teamslam.model import Dataset, Names, Table
+    from teamslam.model import Dataset, Names, Submap, Table
     from teamslam.robot import Atlas, Estimate, Robot
     from teamslam.robot.journal import Memory
 
@@ -91,12 +91,55 @@ class Shown:
             self._live.close()
 
 
+class Finished:
+    """The folder of finished submaps. What the disk does not take waits (`trouble`)."""
+
+    def __init__(self, folder: Path) -> None:
+        self.trouble, self._folder, self._waiting = "", folder, list["Submap"]()
+
+    def add(self, submaps: "Sequence[Submap]" = ()) -> None:
+        """Some more; and those that wait, once more."""
+        from teamslam.io.submaps.arrays import file_name, write_submap
+
+        self._waiting += submaps
+        try:
+            while self._waiting:
+                write_submap(self._waiting[0], self._folder / file_name(self._waiting[0]))
+                del self._waiting[0]
+            self.trouble = ""
+        except OSError as error:
+            self.trouble = f"{error.filename or self._folder}: {error.strerror}; {len(self._waiting)} submaps wait"
+
+
+class Disks:
+    """Troubles with disks, each said when it begins and once it is over."""
+
+    def __init__(self) -> None:
+        self.now: dict[str, str] = {}
+
+    def tell(self, **troubles: str) -> None:
+        """Those of now, in words, by what they befall; empty: none."""
+        from teamslam.cli.console import complain
+
+        for what, trouble in troubles.items():
+            before = self.now.get(what, "")
+            if trouble and not before:
+                complain(trouble)
+            elif before and not trouble:
+                complain(f"{what}: written again")
+        self.now |= troubles
+
+    @property
+    def words(self) -> str:
+        """All that is wrong."""
+        return "; ".join(filter(None, self.now.values()))
+
+
 def alone(duty: "Duty", source: Source) -> int:
     """A robot that drives alone, until its rows end."""
     from teamslam.beside import Beside
     from teamslam.cli.console import complain, say
     from teamslam.events import Events
-    from teamslam.io.submaps.arrays import file_name, write_submap
     from teamslam.live import begun, drive, paced
     from teamslam.results.poses import PoseFile
     from teamslam.results.words import counted
@@ -106,6 +149,7 @@ def alone(duty: "Duty", source: Source) -> int:
     out = Path(str(duty.out))
     (out / "submaps").mkdir(parents=True, exist_ok=duty.resume)
     log, number, submaps, late = source.log, source.number, 0, 0
+    finished, disks = Finished(out / "submaps"), Disks()
     wrong: list[InputError] = []
     events = Events(duty.events)
     events.tell("begun", robot=log.names.robot(number))
@@ -128,12 +172,15 @@ def alone(duty: "Duty", source: Source) -> int:
         for moment in drive(start, arrivals, executor=beside, journal=journal, names=source.names):
             poses.add(moment.now)
             shown.show(moment.now, moment.atlas, number)
+            finished.add(moment.submaps)
             for submap in moment.submaps:
-                write_submap(submap, out / "submaps" / file_name(submap))
                 events.tell("submap", id=submap.id, version=submap.version)
             submaps += len(moment.submaps)
+            disks.tell(journal=journal.trouble, poses=poses.trouble, submaps=finished.trouble, events=events.trouble)
             events.changed({"rows": {"late": moment.robot.counts.late}, "journal": journal.trouble})
-    for trouble in (*memory.damaged, *([journal.trouble] if journal.trouble else [])):
+        finished.add()
+    disks.tell(journal=journal.trouble, poses=poses.trouble, submaps=finished.trouble)
+    for trouble in memory.damaged:
         complain(trouble)
     for reason in moment.unbuilt:
         complain(f"a piece gave no submap: {reason}")
@@ -141,7 +188,7 @@ def alone(duty: "Duty", source: Source) -> int:
     if late:
         complain(f"{counted(late, 'row')} came more than {duty.steps.horizon_s:g} s behind and were left out")
     say(f"written: {out}: {counted(poses.rows, 'pose')}, {counted(submaps, 'submap')}")
-    code = 1 if late or wrong or moment.unbuilt or memory.damaged or journal.trouble else 0
+    code = 1 if late or wrong or moment.unbuilt or memory.damaged or disks.words else 0
     events.tell("ended", code=code)
     events.close()
     return code

@@ -43,7 +43,7 @@ def status(folders: tuple[Path, ...], /) -> int:
         left=1,
     )
     answer(robots)
-    return 0 if same and not any(robot.get("journal") or robot.get("refused_packets") for robot in robots) else 1
+    return 0 if same and not any(_wrong(robot) or robot.get("refused_packets") for robot in robots) else 1
 
 
 def _alive(robot: dict[str, Any], robots: list[dict[str, Any]]) -> str:
@@ -65,5 +65,10 @@ def _row(robot: dict[str, Any]) -> list[str]:
         str(robot.get("missing", "?")),
         f"{sum(link['body_bytes'] + link['word_bytes'] for link in links):,}",
         str(sum(robot.get("refused_packets", {}).values())),
-        robot.get("journal", ""),
+        _wrong(robot),
     ]
+
+
+def _wrong(robot: dict[str, Any]) -> str:
+    """What is wrong: with its disk, and with submaps that it holds and that are in no map."""
+    return "; ".join(filter(None, [robot.get("journal", ""), *robot.get("left_out", {}).values()]))

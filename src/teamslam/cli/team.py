@@ -119,6 +119,10 @@ def team(
     whole = report["maps_equal"] and as_offline and report["components"] == 1
     if not report["maps_equal"]:
         complain("the robots' maps are not equal: some lack what others hold; see 'missing' in report.json")
+    if report["components"] == 0:
+        complain("there is no map: no robot has rows that a submap could be made of")
+    elif report["components"] > 1:
+        complain(f"the map is of {report['components']} parts that nothing ties together: `teamslam join` says why")
     sent = sum(link["body_bytes"] + link["word_bytes"] for link in report["links"])
     counts = counted(len(report["robots"]), "robot", report["components"], "part", sent, "byte")
     say(f"written: {out}: {counts} sent")

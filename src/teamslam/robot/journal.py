@@ -36,6 +36,7 @@ FORMAT = 2
 RECORD = "n INTEGER PRIMARY KEY, kind TEXT, data BLOB, digest BLOB"
 WAITING = 100_000  # records that wait for a disk at most
 DIGEST = 16
+LOCKED_S = 2.0  # for a process that is just being ended
 
 
 class Rows(msgspec.Struct, frozen=True, array_like=True):
@@ -66,7 +67,8 @@ class Memory:
 class Journal:
     """The journal of one robot in one file. `head`: the channels that its rows come from.
 
-    Raises InputError where the file is no journal, or that of another robot or of other channels.
+    Raises InputError where the file is no journal, or that of another robot or of other channels, or another process
+    writes it: what a robot holds is of one hand.
     """
 
     def __init__(self, path: str | Path, head: Dataset) -> None:
@@ -77,7 +79,12 @@ class Journal:
         self._versions: dict[int, int] = {}
         self._agreed: set[int] = set()
         self._called, self._names = dict(head.names.landmarks), head.names
-        self._base = self._opened()
+        self._lock = self._locked()
+        try:
+            self._base = self._opened()
+        except InputError:
+            self._lock.close()
+            raise
 
     def __enter__(self) -> "Journal":
         return self
@@ -121,6 +128,7 @@ class Journal:
         """No more will be written."""
         self._write([], sync=True)
         self._base.close()
+        self._lock.close()
 
     def _write(self, records: Sequence[tuple[str, bytes]], *, sync: bool) -> bool:
         self._waiting += records
@@ -182,6 +190,18 @@ class Journal:
 
     # --- inside ---------------------------------------------------------------------------------------------------
 
+    def _locked(self) -> sqlite3.Connection:
+        """What no other process has at the same time; it goes with its process, however that ends."""
+        try:
+            lock = sqlite3.connect(f"{self.path}.lock", check_same_thread=False, timeout=LOCKED_S)
+            lock.execute("BEGIN EXCLUSIVE")
+        except sqlite3.Error as error:
+            reason = f"the journal cannot be opened: {error}"
+            if "locked" in str(error):
+                reason = "another process writes this journal: this robot is running already; end it first"
+            raise InputError(reason, path=self.path) from None
+        return lock
+
     def _opened(self) -> sqlite3.Connection:
         try:
             base = sqlite3.connect(self.path, check_same_thread=False)
@@ -195,7 +215,10 @@ class Journal:
         except sqlite3.Error as error:
             raise InputError(f"the journal cannot be opened: {error}", path=self.path) from None
         if about is not None and about[0] != FORMAT:
-            raise InputError(f"a journal of format {about[0]}; this teamslam writes format {FORMAT}", path=self.path)
+            raise InputError(
+                f"a journal of format {about[0]}; this teamslam writes format {FORMAT}: begin in another folder",
+                path=self.path,
+            )
         if about is not None and about[1] != _fingerprint(self._head):
             raise InputError("the journal of another robot, or of other sensors than these", path=self.path)
         return base

@@ -152,7 +152,7 @@ def _tls(address: Address, folder: Path) -> dict[str, Any]:
     name = common_name(address.robot)
     for path in (folder / f"{AUTHORITY}.crt", folder / f"{name}.crt", folder / f"{name}.key"):
         if not path.exists():
-            raise InputError("there is no such file; make it with teamslam.robot.link.keys", path=path)
+            raise InputError("there is no such file; `teamslam keys` makes it", path=path)
     own = {side: str(folder / name) for side in ("listen", "connect")}
     return {
         "root_ca_certificate": str(folder / f"{AUTHORITY}.crt"),
