@@ -135,7 +135,7 @@ def made_of(atlas: Atlas, news: News, heard: Sequence[Submap]) -> tuple[Atlas, d
         atlas = atlas.with_stretch(number, version, pieces, end)
     made = {number: atlas.stretches[number] for number, *_ in news.pieces}
     try:
-        atlas = atlas.in_short(heard, news.robot)
+        atlas = atlas.in_short(heard, news.robot).anew()
         return atlas, made, start_of(atlas, news.since, news.landmarks)
     except TeamslamError:
         return atlas, made, None

@@ -192,7 +192,7 @@ def built(atlas: Atlas, robot: Robot) -> Atlas:
 
 def mapped(atlas: Atlas, robot: Robot, heard: Sequence[Submap] = ()) -> Round:
     """The atlas with all that a robot has closed and heard, and the filter with which its open rows begin."""
-    atlas = built(atlas, robot).in_short(heard, robot.number)
+    atlas = built(atlas, robot).in_short(heard, robot.number).anew()
     return atlas, start_of(atlas, robot.since, robot.options.landmarks)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from teamslam.fleet import Fleet, fleet
 from teamslam.joining import build, join, split
-from teamslam.live import mapped, replayed
+from teamslam.live import built, mapped, replayed, start_of
 from teamslam.model import Dataset, Sources
 from teamslam.results.fleet import bits_of, joined, links_of, report_of
 from teamslam.robot import Atlas, Options, Robot
@@ -74,7 +74,7 @@ def test_the_pose_of_now_goes_on_from_the_map_of_the_team(world: str) -> None:
         robot = robot.step(tables).close()
     others = [build(piece) for piece in split(log.of_robot(1), poses_per_piece=12)]
     own = [build(piece) for number in range(len(robot.closed)) for piece in robot.pieces(number)]
-    _, start = mapped(Atlas(), robot, others)
+    start = start_of(built(Atlas(), robot).in_short(others, 2), robot.since, robot.options.landmarks)
     whole = join([*own, *others]).map
     assert start is not None and start.key == robot.since and start.frame == whole.base
     expected = Covariances.of_map(whole)

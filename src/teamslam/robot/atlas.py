@@ -2,7 +2,7 @@
 
     submaps   Algorithm 1 of each piece: what `build` makes offline, to the bit; these are sent to others
     map       Algorithm 2 of the submaps and of those of others, each condensed to what the rest of them needs:
-              landmarks, the poses where pieces meet, and those that others saw
+              landmarks, the poses where pieces meet, and those that others saw; its own linearised where the map is
 
 A closed piece that got a late row comes again with a higher version, and replaces.
 """
@@ -17,8 +17,11 @@ from teamslam.errors import SolveError, TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.joining import Joined, build, condense, join, separators
 from teamslam.model import Dataset, Submap
+from teamslam.robot.anew import Linearised
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
+
+Name = tuple[str, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,21 +35,13 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Short:
-    """A submap condensed to the variables `keep`."""
-
-    keep: IntArray
-    submap: Submap
-    own: bool
-
-
-@dataclass(frozen=True, eq=False)
 class Atlas:
-    """The stretches of a robot's way by their number; and what their map is made of (`short`), by id and version, those
-    of others as well."""
+    """The stretches of a robot's way by their number; and, by id and version, what their map is made of (`short`), with
+    the submaps of others, and the rows of its own (`pieces`), where they were at hand."""
 
     stretches: Mapping[int, Stretch] = field(default_factory=dict)
-    short: Mapping[tuple[str, int], Short] = field(default_factory=dict)
+    short: Mapping[Name, Linearised] = field(default_factory=dict)
+    pieces: Mapping[Name, Dataset] = field(default_factory=dict)
 
     def with_stretch(
         self, number: int, version: int, pieces: Sequence[Dataset], end: int | None, options: Options = DEFAULTS
@@ -56,14 +51,18 @@ class Atlas:
         held = self.stretches.get(number)
         if held is not None and held.version >= version:
             return self
-        submaps, unbuilt = [], []
+        submaps, unbuilt = list[Submap](), list[str]()
+        before = {(submap.id, submap.version) for submap in held.submaps} if held is not None else set[Name]()
+        rows = {name: piece for name, piece in self.pieces.items() if name not in before}
         for piece in pieces:
             try:
                 submaps.append(build(piece, version=version, options=options))
             except SolveError as error:
                 unbuilt.append(str(error))
+            else:
+                rows[submaps[-1].id, version] = piece
         stretch = Stretch(version, end, tuple(submaps), tuple(unbuilt))
-        return replace(self, stretches={**self.stretches, number: stretch})
+        return replace(self, stretches={**self.stretches, number: stretch}, pieces=rows)
 
     def in_short(self, heard: Sequence[Submap] = (), robot: int = 0) -> "Atlas":
         """With what the map is made of brought up to date: its own submaps, and those that were `heard` but for those
@@ -78,9 +77,25 @@ class Atlas:
             keep = np.union1d(needed[submap.id], keys[np.isin(keys, ends)])
             held = self.short.get((submap.id, submap.version))
             if held is None or not np.array_equal(held.keep, keep):
-                held = Short(keep, _condensed(submap, keep), number < len(own))
+                piece = self.pieces.get((submap.id, submap.version))
+                held = Linearised(keep, _condensed(submap, keep), submap, submap.all_values, number < len(own), piece)
             short[submap.id, submap.version] = held
         return replace(self, short=short)
+
+    def anew(self) -> "Atlas":
+        """With those of its own submaps that the map has moved linearised where it has them, as long as there is a map
+        then."""
+        if self.joined is None:
+            return self
+        places = [component.map.all_values for component in self.joined.components]
+        short = dict(self.short)
+        for name, held in self.short.items():
+            known = next((values for values in places if values.layout.contains(held.submap.base)), None)
+            short[name] = held if known is None else held.anew(known)
+        if all(short[name] is held for name, held in self.short.items()):
+            return self
+        made = replace(self, short=short)
+        return self if made.joined is None else made
 
     @property
     def submaps(self) -> tuple[Submap, ...]:
