@@ -9,6 +9,7 @@ import numpy as np
 from stress.claims import WEAK_PLACE, at_odds, is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
+from stress.maps import rows_of
 from stress.oracle import Oracle, TooLarge, spoken_of
 from stress.places import fits_there
 from teamslam.geometry import Array
@@ -127,14 +128,16 @@ def _observer(one: int, key: int) -> tuple[int, int]:
 
 
 def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
-    """None of them speaks of one map's variables alone; or they are of the world, in which that map is free to turn."""
+    """None of them speaks of one map's variables alone; or they are of the world, in which that map is free to turn by
+    its own rows and these."""
     if all(t.row.unary for t in rows):
         keys = spoken_of(rows)
         for component in outcome.components:
             poses = component.map.all_values.layout.keys
             poses = poses[is_pose(poses) & (robot_of(poses) > 0)]
             if np.isin(keys, component.map.all_values.layout.keys).any():
-                free = component.map.base != WORLD and turns_in_the_world(oracle, int(poses[0]))
+                own = Oracle(outcome.log.with_tables([*rows_of(component.map, outcome.log), *rows]))
+                free = component.map.base != WORLD and turns_in_the_world(own, int(poses[0]))
                 findings.check("left out: rows of a world that a map is free to turn in", free, lost)
         return
     maps = [c.map.all_values.layout for c in outcome.components]

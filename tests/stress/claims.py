@@ -186,22 +186,16 @@ def at_odds(oracle: Oracle, rows: Sequence[Table]) -> bool:
 
 
 def _stands_alone(saying: Saying) -> bool:
-    """No row ties the pose to another one of its robot, and whatever is seen from it is open or weak from there."""
+    """No row ties the pose to another one of its robot, and whatever is seen from it is open or weak from there, by
+    what is seen from there alone."""
+    log = saying.outcome.log
     for key in _keys_called(saying, saying["base"]):
         tables = [t.select((t.keys == key).any(1)) for t in saying.oracle.tables]
-        others = [int(k) for k in spoken_of(tables) if k not in (key, WORLD)]
-        own = [k for k in others if robot_of(k) == robot_of(key)]
-        if not own and all(weak(saying.oracle, key, other) for other in others):
-            return True
-    return False
-
-
-def _forgiven(saying: Saying) -> bool:
-    """No row ties the pose to another one of its robot, and every pose that was seen from there a loss forgives."""
-    for key in _keys_called(saying, saying["base"]):
-        tables = [t.select((t.keys == key).any(1)) for t in saying.outcome.log.tables if t.robot == robot_of(key)]
-        seen = [t for t in tables if len(t) and t.model == "relative_pose"]
-        if seen and all(t.loss.name != "squared" and (robot_of(t.keys[:, 1]) != t.robot).all() for t in seen):
+        own = [k for k in spoken_of(tables) if k not in (key, WORLD) and robot_of(k) == robot_of(key)]
+        there = [t.select(t.keys[:, 0] == key) for t in log.tables if not t.row.unary]
+        seen = Oracle(log.with_tables(t for t in there if len(t)))
+        others = [int(k) for k in spoken_of(there) if k != key]
+        if not own and all(weak(seen, key, other) for other in others):
             return True
     return False
 
@@ -278,10 +272,6 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     "fixed, but not found": (
         r"^(SolveError: )?(?P<what>.+) is fixed by the measurements, but the search for an optimum ended",
         _fixed_but_lost,
-    ),
-    "stands alone, and is forgiven": (
-        r"^(SolveError: )?(?P<base>.+) stands alone: .*, and where it saw others a loss forgives",
-        _forgiven,
     ),
     "stands alone": (r"^(SolveError: )?(?P<base>.+) stands alone: no odometry leads to it or from it", _stands_alone),
     "the world is open": (r"the map's orientation in the world is not determined", _world_open),

@@ -1,6 +1,6 @@
 """What every map must be: finite, sure of itself by as much as its own rows allow, whole, and at an optimum."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -184,7 +184,8 @@ def _against_truth(component: Component, rows: list[Table], outcome: Outcome, fi
     if apart:
         return
     error = truth.only(submap.values.layout.keys).minus(submap.values)
-    nees, dof = float(error @ (submap.information @ error)), submap.dof
+    # Of a row that stands n times one noise counts n times: errors are up to n times as large, squared.
+    nees, dof = float(error @ (submap.information @ error)) / _times(rows), submap.dof
     findings.check(
         "a map's errors are those that it expects",
         nees < dof + SIGMAS * np.sqrt(2.0 * dof) + 20.0,
@@ -197,3 +198,12 @@ def _firm(best: Solution) -> bool:
     values = best.values
     covariance = np.linalg.pinv(best.information.toarray(), hermitian=True)
     return bool(np.sqrt(np.diag(covariance)).max(initial=0.0) < LOOSE and len(values))
+
+
+def _times(rows: Sequence[Table]) -> int:
+    """How often the row stands that stands most often."""
+    most = 1
+    for table in rows:
+        alike = np.concatenate([table.keys, table.values], 1)
+        most = max(most, int(np.unique(alike, axis=0, return_counts=True)[1].max(initial=1)))
+    return most

@@ -98,6 +98,19 @@ def test_rows_of_the_world_are_left_out_where_they_leave_the_map_free_to_turn(ev
     assert saying(outcome, lost) == (set() if true else {"left out: rows of a world that a map is free to turn in"})
 
 
+def test_rows_of_the_world_are_judged_by_the_map_that_they_are_of() -> None:
+    """A map apart from one that is held in the world, though they share landmarks: it is free to turn about its one
+    position."""
+    log = team("2d", robots=2, poses=6, landmarks=3, sees=1.0)
+    log = log.with_tables(t for t in log.tables if t.source != "robots")
+    log = surveyed(surveyed(log, 2), 100, (2,))
+    first, second = (mapped(log.with_tables(t for t in log.tables if t.robot == robot)) for robot in (1, 2))
+    lost = second.joined.left_out
+    assert [entry.kind for entry in lost] == ["rows"]
+    both = replace(first, log=log, joined=Joined((*first.components, *second.components), left_out=lost))
+    assert not kinds(both)
+
+
 def test_remarks_are_true() -> None:
     outcome = mapped(team("2d", robots=2, poses=4))
     idle = "robot 2 measured nothing, and nobody saw it: it is in no map"

@@ -164,6 +164,8 @@ def _off_kinks(system: System, start: Values, ended: Values, options: Options) -
 def refuse_rounding(system: System, solution: Solution) -> None:
     """Raise SolveError, naming the variable, where the information at an estimate is positive by rounding alone: it is
     so no more once each number of its diagonal is off by its own rounding."""
+    if not system.free.dof:
+        return
     information = solution.hessian
     system.factor(solution.values).factorise(information.numbers, -ROUNDING * information.diagonal())
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.errors import ModelError, SolveError
-from teamslam.frontend.tags.whole_poses import tells_pose
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
@@ -37,7 +36,6 @@ from teamslam.solver import Options, Solution, Step, System, firm, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
-FORGIVEN = "where it saw others a loss forgives: one such sighting could be wrong, and nothing would tell"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +68,6 @@ class Problem:
         known = guesses[0].layout
         inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
         held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
-        if len(held) == 1:
-            raise SolveError(
-                f"{piece.names.describe(int(poses[0]))} stands alone: no odometry leads to it or from it, and "
-                f"{FORGIVEN if _sees_a_pose(raw) else 'nothing seen from there fixes a place'}"
-            )
         guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
         return cls(piece, int(poses[0]), system, raw, guesses, loose, near)
@@ -167,11 +160,6 @@ def _holds(table: Table, robot: int, poses: IntArray, known: Layout) -> BoolArra
     whole_robot = table.model == "relative_pose" and table.loss.name == "squared"
     own = among(table.keys, poses).all(1) | (is_landmark(target) & known.contains(target))
     return np.where(other_robot, whole_robot & known.contains(target), own)
-
-
-def _sees_a_pose(tables: Iterable[Table]) -> bool:
-    """Whether some row tells a whole pose."""
-    return any(tells_pose(t) and (t.ranks == t.row.residual_rows(t.dim)).any() for t in tables)
 
 
 def the_robot(piece: Dataset) -> int:

@@ -193,6 +193,7 @@ class Coordinator:
         terms = [
             SubmapTerm(p.submap.base, p.separators, r.information, r.slope)
             for p, r in zip(self.sides, reduced, strict=True)
+            if len(p.sending.kept)  # some share but a frame
         ]
         if self.system is None:
             self.system = System(

@@ -72,6 +72,8 @@ def _full(
     dataset: Dataset, component: Component, options: Options, progress: Callable[[Step], None] | None
 ) -> Component:
     joined = component.map
+    if not joined.dof:
+        return component
     start = joined.values if joined.base == WORLD else joined.all_values
     solution, tables, fixed = _solved(dataset, joined, start, options, progress)
     keep = ~np.isin(solution.values.layout.keys, fixed)

@@ -12,6 +12,7 @@ many that Lambda, which is dense, is larger than its own sparse H sends that ins
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -87,9 +88,13 @@ class Part:
         free = system.free
         self.kept, self.sends_whole = kept, len(kept) == len(free)
         self._columns = free.unknowns(kept.keys)
-        last = None if self.sends_whole else np.flatnonzero(np.isin(free.keys, kept.keys))
-        self._factor = Factor(free, system.pattern, last=last, names=submap.names)
         self._gradient = np.zeros(free.dof)
+
+    @cached_property
+    def _factor(self) -> Factor:
+        """By which interiors are eliminated; what is sent whole needs none."""
+        last = np.flatnonzero(np.isin(self.system.free.keys, self.kept.keys))
+        return Factor(self.system.free, self.system.pattern, last=last, names=self.submap.names)
 
     @classmethod
     def of(cls, piece: Dataset, submap: Submap, sending: Sending) -> "Part":
@@ -105,7 +110,8 @@ class Part:
         """A submap whose rows nobody can be asked for: it stays the Gaussian that it is."""
         rest = submap if sending.whole else condense(submap, sending.kept.keys)[0]
         values = rest.all_values
-        system = System(values.layout, submaps=[SubmapTerm.of(rest)], fixed=np.array([submap.base]), names=submap.names)
+        terms = [SubmapTerm.of(rest)] if len(rest.values) else []  # some share but a frame
+        system = System(values.layout, submaps=terms, fixed=np.array([submap.base]), names=submap.names)
         return cls(submap, sending, system, values, sending.kept, submap.cost)
 
     def cost(self, values: Values) -> float:

@@ -30,7 +30,7 @@ from teamslam.joining.exact.coordinator import Coordinator, Ended, Parts
 from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of
 from teamslam.joining.exact.robot import Part, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
-from teamslam.joining.join.join import Component, Joined, in_order, join
+from teamslam.joining.join.join import Component, Exactness, Joined, in_order, join
 from teamslam.joining.join.optimum import in_the_way, joined_map, less
 from teamslam.model import WORLD, Dataset, Submap, Table, Values
 from teamslam.solver import Options, Solution, Status, Step
@@ -80,6 +80,8 @@ def _rounds(
     progress: Callable[[Step], None] | None,
 ) -> Component:
     joined = component.map
+    if not joined.dof:
+        return replace(component, exactness=Exactness(0.0, 0.0, 0.0, 0.0, 0, 0))
     held = np.concatenate([submap.values.layout.keys for _, submap in members])
     while True:
         parts, raw = parts_of(members, point_of(joined).layout, world=joined.base == WORLD)

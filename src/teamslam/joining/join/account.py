@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from teamslam.errors import SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.join import Joined
 from teamslam.joining.join.second_places import second_places, sentences, undecided
@@ -32,6 +33,7 @@ FORGIVEN = (
     "no map holds them: their own robot measured nothing from there, and where others saw them a loss forgives; such a"
     " sighting could be wrong, and nothing else tells; a second row about that pose would, or a squared loss"
 )
+ALONE = "no odometry leads to it or from it, and nothing seen from there fixes a place by itself"
 TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
 
 
@@ -45,8 +47,10 @@ class Unbuilt:
 
 def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> Joined:
     """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`,
-    every variable and every row once. Robots that brought nothing and landmarks with two places are remarks."""
-    left_out = tuple(_Books(log, [c.map for c in joined.components]).entries(unbuilt))
+    every variable and every row once. Robots that brought nothing and landmarks with two places are remarks. A map that
+    would hold one pose and nothing else is none. Raises SolveError where there is no other."""
+    joined, lone = _without_lone(log, joined)
+    left_out = tuple(_Books(log, [c.map for c in joined.components]).entries([*unbuilt, *lone]))
     silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
     remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
     twofold = [second_places(c.map, log.tables) for c in joined.components]
@@ -55,6 +59,29 @@ def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> 
     pairs = zip(joined.components, twofold, strict=True)
     components = tuple(replace(component, second_places=tuple(undecided(found))) for component, found in pairs)
     return replace(joined, components=components, left_out=left_out, remarks=(*joined.remarks, *remarks), log=log)
+
+
+def _without_lone(log: Dataset, joined: Joined) -> tuple[Joined, list[Unbuilt]]:
+    """The join without maps that hold one pose and nothing else, and these with why."""
+    reasons = ["", *joined.reasons]
+    held = [bool(component.map.dof) for component in joined.components]
+    lone = [
+        _alone(log, component.map, reason)
+        for component, reason, holds in zip(joined.components, reasons, held, strict=True)
+        if not holds
+    ]
+    if not any(held):
+        raise SolveError(lone[0].reason)
+    kept = [n for n, holds in enumerate(held) if holds]
+    components = tuple(joined.components[n] for n in kept)
+    return replace(joined, components=components, reasons=tuple(reasons[n] for n in kept[1:])), lone
+
+
+def _alone(log: Dataset, lone: Submap, reason: str) -> Unbuilt:
+    """The rows of a pose that no map could hold."""
+    own = [t.select(t.keys[:, 0] == lone.base) for t in log.tables if t.robot == robot_of(lone.base)]
+    alone = f"{lone.names.describe(lone.base)} stands alone: {ALONE}"
+    return Unbuilt(log.with_tables(t for t in own if len(t)), f"{reason}; {alone}" if reason else alone)
 
 
 def accounted_raw(submaps: Iterable[Submap], joined: Joined) -> Joined:
@@ -69,9 +96,11 @@ def accounted_raw(submaps: Iterable[Submap], joined: Joined) -> Joined:
     tables = tuple(t.select(mask) for t, mask in zip(raw, here, strict=True) if mask.any())
     robots = {int(robot_of(p)): Kind(k).dim for m in maps for p, k in _poses_in(m.all_values.layout)}
     log = Dataset(robots | {t.robot: t.dim for t in tables if t.robot not in robots}, tables, joined.map.names)
+    joined, lone = _without_lone(log, joined)
+    maps = [component.map for component in joined.components]
     waiting = [t.select(~mask) for t, mask in zip(raw, here, strict=True) if not mask.all()]
     remarks = [_waits(table, poses, log.names) for table in waiting]
-    return replace(joined, left_out=tuple(_Books(log, maps).entries(())), remarks=(*joined.remarks, *remarks))
+    return replace(joined, left_out=tuple(_Books(log, maps).entries(lone)), remarks=(*joined.remarks, *remarks))
 
 
 def _poses_in(layout: Layout) -> Iterator[tuple[int, int]]:

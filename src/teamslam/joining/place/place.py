@@ -125,7 +125,7 @@ class _Placing:
         while waiting and len(branches) < BRANCHES:
             choices = waiting.pop(0)
             bodies, ways = self._grown(choices)
-            branches.append(bodies)
+            branches.append(sorted(bodies, key=self._lone))
             # Each truss met beyond those chosen so far opens branches.
             for depth in range(len(choices), len(ways)):
                 ahead = choices + (0,) * (depth - len(choices))
@@ -147,6 +147,11 @@ class _Placing:
 
     def _frames(self, ordered: Sequence[int], placed: dict[int, Pose]) -> list[Pose]:
         return [placed[s] @ frame for s in ordered for frame in self.chains[s][1]]
+
+    def _lone(self, body: _Body) -> bool:
+        """Whether it is one pose from which nothing is known: such come last, as nobody's frame."""
+        members = [m for s in body.placed for m in self.chains[s][0]]
+        return len(members) == 1 and not self.submaps[members[0]].dof
 
     # --- growth -----------------------------------------------------------------------------------------------
 

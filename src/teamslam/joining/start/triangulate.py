@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, directions
+from teamslam.joining.start.partial_poses import place_from_parts
 from teamslam.joining.start.targets import place_targets
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, point_kind
 
@@ -35,6 +36,8 @@ def triangulate(start: Values, tables: Iterable[Table]) -> Values:
         return start
     layout = kinds_of(marks).select(~start.layout.contains(kinds_of(marks).keys))
     start = place_targets(start, marks, start.layout.union(layout))
+    posed = layout.select(~start.layout.contains(layout.keys) & (layout.kinds <= Kind.POSE3))
+    start = place_from_parts(start, marks, posed) if len(posed) else start
     open_ = layout.select(~start.layout.contains(layout.keys) & (layout.kinds > Kind.POSE3))
     for kind in (Kind.POINT2, Kind.POINT3):
         bundle = Bundle.of(marks, start, open_.keys_of(kind), kind.dim)
