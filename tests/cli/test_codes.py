@@ -27,7 +27,7 @@ STOPPED = (
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A whole team; one in two parts; one whose rows contradict each other; one that no map can be made of."""
+    """A whole team; one in two parts; one whose rows contradict each other; one of a lone pose, which is no map; one whose headings nothing tells."""
     folder = tmp_path_factory.mktemp("logs")
     whole = team("2d", robots=2, poses=20)
     write(whole, folder / "whole")
@@ -38,6 +38,10 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     lost = team("2d", robots=1, poses=20, model="range")
     sightings = [t.select(np.arange(1)) for t in lost.tables if t.source == "landmarks"]
     write(lost.with_tables(sightings), folder / "nothing")
+    odometry = [t for t in whole.tables if t.source == "odometry"]
+    heading = np.array([1.0, 1.0, 0.0])
+    blind = [replace(t, whitening=t.whitening * heading[:, None] * heading) for t in odometry]
+    write(whole.with_tables(blind), folder / "blind")
     (folder / "stop.toml").write_text("[solver]\nmax_iterations = 1\n")
     return folder
 
@@ -54,7 +58,8 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("info whole -q -v", codes.BAD_INPUT),
         ("run misfit --out OUT --no-figures", codes.MISFIT),
         ("run nothing --out OUT --no-figures", codes.NO_MAP),
-        ("build nothing --out OUT", codes.NO_MAP),
+        ("build nothing --out OUT", codes.DONE),  # its pose and its raw row: what others know may place it
+        ("build blind --out OUT", codes.NO_MAP),
     ],
 )
 def test_codes_of_what_may_come_of_a_command(logs: Path, tmp_path: Path, command: str, code: int) -> None:
@@ -65,6 +70,7 @@ def test_codes_of_what_may_come_of_a_command(logs: Path, tmp_path: Path, command
     assert done.returncode == code, (done.stdout, done.stderr)
     assert out.exists() == (code in (codes.DONE, codes.PARTLY, codes.MISFIT)) and "Traceback" not in done.stderr
     assert (done.stdout == "") == (code in (codes.BAD_INPUT, codes.NO_MAP))
+    assert ("is robot 1 at pose 0 alone" in done.stdout) == command.startswith("build nothing")
 
 
 def test_a_mistake_of_ours_has_a_code_of_its_own_and_its_traceback(logs: Path) -> None:

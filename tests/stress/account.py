@@ -46,9 +46,13 @@ def _rows_of(lost: LeftOut, log: Dataset) -> list[Table]:
 
 
 def _piece(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
-    """The reason is what `build` said of these rows."""
-    alone = replace(outcome.log, tables=tuple(rows))
-    is_true(lost.reason, "left out: a piece", replace(outcome, log=alone), Oracle(alone), findings)
+    """The reason is what `build` said of these rows; of a lone pose also why no map, by all rows, has a place for it."""
+    before, alone, after = lost.reason.rpartition(" stands alone: ")
+    apart, _, who = before.rpartition("; ")
+    own = replace(outcome.log, tables=tuple(rows))
+    is_true(who + alone + after, "left out: a piece", replace(outcome, log=own), Oracle(own), findings)
+    if apart:
+        is_true(apart, "left out: a piece", outcome, oracle, findings)
 
 
 def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:

@@ -105,10 +105,9 @@ def _shares_nothing(saying: Saying) -> bool:
     """The component that begins there speaks of nothing that another one does."""
     for key in _keys_called(saying, saying["base"]):
         component = _component_of(saying, key)
-        if component is None:
-            continue
         log = saying.outcome.log
-        mine = spoken_of(list(rows_of(component.map, log)))
+        own = [t.select((t.keys == key).any(1)) for t in log.tables]  # of a pose that is in no map
+        mine = spoken_of(list(rows_of(component.map, log)) if component else own)
         rest = [list(rows_of(c.map, log)) for c in saying.outcome.components if c is not component]
         theirs = np.unique(np.concatenate([spoken_of(rows) for rows in rest]))
         return not np.isin(mine, theirs[theirs != WORLD]).any()
@@ -121,9 +120,7 @@ def _can_turn(saying: Saying) -> bool:
 
 
 def _loose(saying: Saying, key: int) -> bool:
-    component = _component_of(saying, key)
-    if component is None:
-        return False
+    component = _component_of(saying, key)  # none of a pose that is in no map
     others = [c.map for c in saying.outcome.components if c is not component]
     poses = [int(k) for m in others for k in m.keys if is_pose(int(k))]
     return all(weak(saying.oracle, key, other) for other in poses[:1] + poses[-1:])

@@ -78,6 +78,10 @@ def build(
     with whole_folder(out) as draft:
         write_submaps(submaps, draft)
     robots = {robot for submap in submaps for robot in submap.robots}
+    for submap in submaps:
+        if not submap.dof:
+            alone = submap.names.describe(submap.base)
+            say(f"submap {submap.id} is {alone} alone; its rows travel with it, and what others know may place it")
     for name, put_right in told.items():
         for sentence in put_right:
             say(f"put right in submap {name}: {sentence}")

@@ -14,7 +14,10 @@ from teamslam.trust.calibration.calibrate import Calibration, calibrate
 
 def honest(submap: Submap, piece: Dataset, *, options: Options = DEFAULTS) -> tuple[Submap, Calibration]:
     """The submap of a piece with its noise put right, and what was; itself where nothing is wrong, or errors are so
-    large that they are no noise. Systematic errors travel among its variables (see `carried`)."""
+    large that they are no noise, or it holds one pose alone. Systematic errors travel among its variables (see
+    `carried`)."""
+    if not submap.dof:
+        return submap, Calibration()
     found = calibrate([AtMap(piece.tables, submap)])
     if not found or found.wild:
         return submap, Calibration()
