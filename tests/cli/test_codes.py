@@ -27,7 +27,8 @@ STOPPED = (
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A whole team; one in two parts; one whose rows contradict each other; one of a lone pose, which is no map; one whose headings nothing tells."""
+    """A whole team; one in two parts; one whose rows contradict each other; one of a lone pose, which is no map; one
+    whose headings nothing tells."""
     folder = tmp_path_factory.mktemp("logs")
     whole = team("2d", robots=2, poses=20)
     write(whole, folder / "whole")

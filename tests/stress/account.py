@@ -46,7 +46,7 @@ def _rows_of(lost: LeftOut, log: Dataset) -> list[Table]:
 
 
 def _piece(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
-    """The reason is what `build` said of these rows; of a lone pose also why no map, by all rows, has a place for it."""
+    """The reason is what `build` said of these rows; of a lone pose also why no map has a place for it."""
     before, alone, after = lost.reason.rpartition(" stands alone: ")
     apart, _, who = before.rpartition("; ")
     own = replace(outcome.log, tables=tuple(rows))
