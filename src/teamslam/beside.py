@@ -1,7 +1,7 @@
 """Submaps and maps made in a process of their own, which keeps what it has made: only news goes over.
 
     submit     to it: pieces that closed, submaps heard since;   from it: the submaps that it built, where the open rows
-               begin
+               begin; the map itself only where somebody looks at it
 
 What a round costs the robot's own process does not grow with the map, and no step waits for it: not for the map, not
 for the interpreter, not for what is sent. Where that process ends, whatever ended it, rounds are made between two steps
@@ -63,11 +63,13 @@ def news_of(atlas: Atlas, robot: Robot, heard: Sequence[Submap], known: Set[tupl
 
 
 class Beside(Executor):
-    """An executor of `teamslam.live.mapped`, for one robot."""
+    """An executor of `teamslam.live.mapped`, for one robot. `parts`: those of the map of the last round, where it is to
+    be `shown`."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, shown: bool = False) -> None:
+        self.parts: tuple[Submap, ...] = ()
         here, there = get_context("spawn").Pipe()
-        self._process = get_context("spawn").Process(target=_kept_up, args=(there,), name="map", daemon=True)
+        self._process = get_context("spawn").Process(target=_kept_up, args=(there, shown), name="map", daemon=True)
         self._process.start()
         there.close()
         self._known: set[tuple[str, int]] = set()
@@ -104,13 +106,13 @@ class Beside(Executor):
                 if atlas is None:
                     future.set_result(line.recv())
                     continue
-                made, start = line.recv()
+                made, start, self.parts = line.recv()
                 future.set_result((replace(atlas, stretches={**atlas.stretches, **made}), start))
             except Exception as error:  # whatever it was: the robot maps on without
                 future.set_exception(BrokenProcessPool(f"the process that makes the map has ended: {error}"))
 
 
-def _kept_up(line: Connection) -> None:
+def _kept_up(line: Connection, shown: bool) -> None:
     """What runs in the process: rounds, until the other end is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is the robot's to hear
     os.nice(NICE)
@@ -124,7 +126,7 @@ def _kept_up(line: Connection) -> None:
             heard |= {(submap.id, submap.version): submap for submap in news.fresh}
             heard = {name: heard[name] for name in news.heard}
             atlas, made, start = made_of(atlas, news, list(heard.values()))
-            line.send((made, start))
+            line.send((made, start, atlas.parts if shown else ()))
         except (EOFError, OSError):
             return
 

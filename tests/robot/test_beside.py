@@ -48,6 +48,19 @@ def test_rounds_in_a_process_are_rounds_here_and_only_news_goes_over() -> None:
     assert [len(news.fresh) for news in sent] == [1, 2, len(heard) - 3]
 
 
+def test_the_map_comes_back_where_it_is_shown_and_only_there() -> None:
+    log = team("2d", robots=2, poses=40, landmarks=8, sees=0.6)
+    heard = [build(piece) for piece in split(log.of_robot(2), poses_per_piece=12)]
+    expected, _ = mapped(Atlas(), driven(log), heard)
+    for shown in (True, False):
+        with Beside(shown=shown) as beside:
+            made, _ = beside.submit(mapped, Atlas(), driven(log), heard).result(60.0)
+            parts = expected.parts if shown else ()
+            assert [canonical(s) for s in beside.parts] == [canonical(s) for s in parts]
+            assert not made.parts
+    assert {1, 2} <= set(expected.parts[0].robots_in_it)
+
+
 def test_where_the_process_ends_the_robot_maps_on() -> None:
     log = team("2d", robots=1, poses=40)
     rows = [tables for _, tables in replayed(log, 1)]

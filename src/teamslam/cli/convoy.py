@@ -57,8 +57,8 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         memory = journal.recall()
         start = begun(dataset, robot, duty.steps, memory)
         link = stack.enter_context(closing(ZenohLink(address)))
-
-        shown = stack.enter_context(closing(Shown(duty.view)))
+        beside = stack.enter_context(Beside(shown=duty.view is not None)) if duty.in_real_time else None
+        shown = stack.enter_context(closing(Shown(duty.view, beside)))
 
         def report(driver: Driver) -> None:
             shown.show(driver.member.robot.now, driver.member.mapper.atlas, robot)
@@ -87,7 +87,6 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             seal = read_seal(address.certificates, address.team, robot, address.members, dataset.names)
             peer = Peer(robot, duty.habits, seal).recalling(read_revocations(address.certificates))
         peer = peer.recalling(memory.bodies)
-        beside = stack.enter_context(Beside()) if duty.in_real_time else None
         member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside)), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
         whole = driver.drive(source.rows(start, memory, heard), duty.speed)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from teamslam.beside import Beside
     from teamslam.duty import Duty
     from teamslam.errors import InputError
     from teamslam.io.plain.lines import Lines
@@ -61,12 +62,13 @@ class Source:
 
 
 class Shown:
-    """The live map of a robot, where one is wanted: it is drawn anew when the robot's map is another."""
+    """The live map of a robot, where one is wanted: it is drawn anew when the robot's map is another, whether that was
+    made between steps (its atlas) or `beside` them."""
 
-    def __init__(self, port: int | None) -> None:
+    def __init__(self, port: int | None, beside: "Beside | None") -> None:
         from teamslam.cli.console import say
 
-        self._live, self._known = None, object()
+        self._live, self._beside, self._known = None, beside, tuple["Submap", ...]()
         if port is not None:
             from teamslam.viewer.live import LiveMap
 
@@ -77,11 +79,10 @@ class Shown:
         """What is known now."""
         if self._live is None:
             return
-        if atlas is not self._known:
-            self._known, made = atlas, atlas.joined
-            if made is not None:
-                parts = [part.map for part in made.components]
-                self._live.show(next((part for part in parts if robot in part.robots_in_it), parts[0]))
+        parts = atlas.parts or (self._beside.parts if self._beside is not None else ())
+        if parts and (not self._known or parts[0] is not self._known[0]):
+            self._known = parts
+            self._live.show(next((part for part in parts if robot in part.robots_in_it), parts[0]))
         if now is not None:
             self._live.at(now)
 
@@ -162,8 +163,8 @@ def alone(duty: "Duty", source: Source) -> int:
     with (
         Journal(out / "journal.db", head_of(log, number)) as journal,
         PoseFile(out / "poses.csv", log.names, log.robots[number]) as poses,
-        Beside() if duty.in_real_time else nullcontext() as beside,
-        closing(Shown(duty.view)) as shown,
+        Beside(shown=duty.view is not None) if duty.in_real_time else nullcontext() as beside,
+        closing(Shown(duty.view, beside)) as shown,
     ):
         memory = journal.recall()
         start = begun(log, number, duty.steps, memory)

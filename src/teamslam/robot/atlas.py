@@ -87,7 +87,7 @@ class Atlas:
         then."""
         if self.joined is None:
             return self
-        places = [component.map.all_values for component in self.joined.components]
+        places = [part.all_values for part in self.parts]
         short = dict(self.short)
         for name, held in self.short.items():
             known = next((values for values in places if values.layout.contains(held.submap.base)), None)
@@ -118,11 +118,14 @@ class Atlas:
                 continue
         return None
 
+    @property
+    def parts(self) -> tuple[Submap, ...]:
+        """The parts of the map; none where there is no map."""
+        return tuple(component.map for component in self.joined.components) if self.joined is not None else ()
+
     def map_with(self, pose: int) -> Submap | None:
         """The part of the map that holds a pose."""
-        if self.joined is None:
-            return None
-        return next((c.map for c in self.joined.components if pose in c.map.keys), None)
+        return next((part for part in self.parts if pose in part.keys), None)
 
 
 def _condensed(submap: Submap, keep: IntArray) -> Submap:
