@@ -4,7 +4,7 @@ room of 5 x 5 m with tags on its walls; a detector reports corners, with the noi
 Written from the definitions (projection of points), not with the code under test, but for the camera's formulas.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -29,6 +29,7 @@ class Room:
     ticks_ns: np.ndarray
     ways: list
     line_s: float = 0.0  # of a shutter that rolls
+    called: dict = field(default_factory=dict)  # the number printed on a tag, where it is that of another
 
 
 def wall_tags(rng, count=8):
@@ -122,7 +123,7 @@ def seen(room, robot, k, rng, noise=1.0):
             continue
         root = np.linalg.cholesky(corner_covariances(pixels[None], FLOOR, EDGE)[0])
         error = (root @ rng.normal(size=8)).reshape(4, 2)
-        found.append((number, pixels + noise * error + 0.5))  # as detectors count
+        found.append((room.called.get(number, number), pixels + noise * error + 0.5))  # as detectors count
     return found
 
 

@@ -1,5 +1,7 @@
 """From recordings to a map: the paper's experiment with corners for images, and a real building."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,23 @@ def test_two_robots_with_cubes_find_each_other_and_the_tags(room, method):
     tags, robots = errors_of(result.map, truth)
     # The paper's real experiment: 0.1309 m and 0.0750 m (Table 3). Sigmas here are of millimetres.
     assert np.sqrt(np.mean(robots**2)) < 0.02 and np.sqrt(np.mean(tags**2)) < 0.02
+
+
+def test_a_number_on_two_walls_does_not_spoil_the_map(room, tmp_path):
+    """Tag 2 has the number of 0, on the wall opposite: it is told, and robots are where they are without the fault."""
+    truth, team = room
+    log = ts.read(tagged_room.write(replace(truth, called={2: 0}), tmp_path))
+    told = [note for note in log.notes if "stands at 2 places" in note]
+    assert [note.split(" stands")[0] for note in told] == ["robot robot0: tag 0", "robot robot1: tag 0"]
+    result, honest = run(log), run(ts.read(team))
+    assert result.verdict.level in ("fits", "loose")
+    for robot in (1, 2):
+        keys = pose_key(robot, truth.ticks_ns // 1000)
+        one, other = (r.map.all_values for r in (result, honest))
+        keys = keys[one.layout.contains(keys) & other.layout.contains(keys)]
+        a, b = one.positions(keys, 2), other.positions(keys, 2)
+        off = np.linalg.norm(align(a, b).pose.act(a) - b, axis=1)
+        assert len(keys) > 50 and off.max() < 0.01  # sigmas are of millimetres
 
 
 def test_a_building_by_one_robot_against_its_survey(data, tmp_path):

@@ -1,6 +1,7 @@
 """The team file: what it may say, what is wrong in it, and which images are used."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Pose, concatenate
 from teamslam.io.bags.seen import SELDOM, chosen_images
 from teamslam.io.bags.team_file import is_team_file, read_team_file
-from teamslam.model import Kind, Values, landmark_key, landmark_number, pose_key
+from teamslam.model import Kind, Values, index_of, landmark_key, landmark_number, pose_key
 
 DOCS = Path(__file__).parents[3] / "docs" / "recordings.md"
 
@@ -156,3 +157,18 @@ def test_what_a_rolling_shutter_moved_is_put_back(tmp_path):
     (tmp_path / "unsized.json").write_text(unsized)
     with pytest.raises(InputError, match="needs the size of its images"):
         ts.read(wrong(team, tmp_path / "other", f"{tmp_path}/camera.json", f"{tmp_path}/unsized.json"))
+
+
+def test_a_number_that_is_twice_in_one_image_is_left_out_there_and_counted(tmp_path):
+    room = tagged_room.make(0, 20.0, 2.0)
+    apart = ts.read(tagged_room.write(room, made(tmp_path / "apart")))
+    twins = ts.read(tagged_room.write(replace(room, called={6: 2}), made(tmp_path / "twins")))
+    (pose, number) = np.concatenate([t.keys for t in apart.tables if t.source == "landmarks"]).T
+    both = np.intersect1d(*(pose[index_of(number) == tag] for tag in (2, 6)))
+    drops = [d for d in twins.dropped if "twice in one image" in d.reason]
+    assert len(both) and sum(d.count for d in drops) == 2 * len(both) and all(d.reason.endswith(": 2") for d in drops)
+
+
+def made(folder):
+    folder.mkdir()
+    return folder

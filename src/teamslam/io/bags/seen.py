@@ -18,6 +18,7 @@ from teamslam.io.bags.team_file import CameraEntry, RobotEntry, TeamFile
 from teamslam.model import Dropped, landmark_number
 
 MERGE_S = 0.005  # images nearer in time than this are one keyframe: cameras that are triggered together
+SPANS = 3  # in which a tag was seen at a place, that are told
 SELDOM = 6  # images of a tag that are used at least, where there are as many
 
 
@@ -99,6 +100,11 @@ class Seen:
             book.drop(ignored, f"{where} that the team file ignores")
             mended = ~ignored & (view.corners.hamming > team.tags.most_mended)
             book.drop(mended, f"{where} of which more than {team.tags.most_mended} bits were wrong")
+            twice = ~ignored & ~mended & _twice(view)
+            if twice.any():
+                numbers = ", ".join(map(str, np.unique(ids[twice]).tolist()))
+                book.drop(twice, f"{where} whose number is twice in one image, which is which nobody knows: {numbers}")
+                ignored = ignored | twice
             outside = ~ignored & ~mended & ~view.camera.rays(view.corners.corners)[1].all(-1)
             book.drop(outside, f"{where} beyond what the calibration covers")
             views.append(view.select(~ignored & ~mended & ~outside))
@@ -126,15 +132,13 @@ class Seen:
         """Each place of a tag that stands at several as a landmark of its own, which nobody else can mean; `called`
         gets their names. A landmark of several tags keeps its name."""
         names: dict[int, list[tuple[str, Place]]] = {}
+        merged = round(MERGE_S * TICKS_PER_S)  # an image may be so long after its keyframe
         for place in places:
             name = f"{place.tag} at place {place.number} of {self.entry.name}"
             called[landmark_number(name)] = name
             names.setdefault(place.tag, []).append((name, place))
         for tag, found in names.items():
-            spans = "; ".join(
-                ", ".join(f"{a / TICKS_PER_S:.1f} s to {b / TICKS_PER_S:.1f} s" for a, b in place.visits)
-                for _, place in found
-            )
+            spans = "; ".join(_when(place) for _, place in found)
             book.notes.append(
                 f"robot {self.entry.name}: tag {tag} stands at {len(found)} places ({spans}): it was moved, or its "
                 f"number stands twice; each place is a landmark of its own"
@@ -142,7 +146,7 @@ class Seen:
 
         def at(tag: Tag, tick: int) -> Tag:
             for name, place in () if tag.is_robot else names.get(landmark_number(tag.carrier), ()):
-                if any(start <= tick <= stop for start, stop in place.visits):
+                if any(start - merged <= tick <= stop + merged for start, stop in place.visits):
                     return replace(tag, carrier=name)
             return tag
 
@@ -158,6 +162,19 @@ class Seen:
         ids = np.concatenate([np.zeros(0, np.int64), *(v.corners.ids for v in self.views)])
         chosen = chosen_images(ticks, ids, self.entry.image_every_s)
         return replace(self, views=tuple(v.select(np.isin(image_of(ticks, v.ticks), chosen)) for v in self.views))
+
+
+def _twice(view: View) -> BoolArray:
+    """Which sightings (m,) are of a number that is in the same image once more."""
+    pairs = np.stack([view.corners.frame, view.corners.ids], -1)
+    _, of, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(count[of.ravel()] > 1)
+
+
+def _when(place: Place) -> str:
+    """When a tag was seen at a place."""
+    spans = [f"{start / TICKS_PER_S:.1f} s to {stop / TICKS_PER_S:.1f} s" for start, stop in place.visits]
+    return ", ".join(spans[:SPANS]) + (f" and {len(spans) - SPANS} times more" if len(spans) > SPANS else "")
 
 
 def chosen_images(ticks: IntArray, ids: IntArray, every_s: float) -> IntArray:

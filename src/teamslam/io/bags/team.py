@@ -17,7 +17,8 @@ from teamslam.errors import InputError
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.stamps import merge
 from teamslam.frontend.streams import TICKS_PER_S
-from teamslam.frontend.tags.identities import places_of_tags
+from teamslam.frontend.tags.identities import Place, places_of_tags
+from teamslam.frontend.tags.reckoned import places_by_way
 from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.io.bags.first_guess import first_guess
 from teamslam.io.bags.looked import Progress
@@ -96,10 +97,10 @@ class Recordings:
         named: list[Seen] = []
         for robot in team:
             number = numbers[robot.entry.name]
-            places = places_of_tags(sightings_of(robot, team, keyframes, file))
-            robot = robot.with_places(places, called, book)
+            way = [] if robot.track is None else way_of(robot, number, keyframes[number], book)
+            robot = robot.with_places(_places(sightings_of(robot, team, keyframes, file), way), called, book)
             named.append(robot)
-            tables += way_of(robot, number, keyframes[number], book)
+            tables += way if robot.track is not None else way_of(robot, number, keyframes[number], book)
             tables += sightings_of(robot, team, keyframes, file)
         if not any(table.source != "odometry" for table in tables):
             raise InputError("no tag was seen in any image; check topics and calibrations", path=self.path)
@@ -170,6 +171,13 @@ class Reading:
         loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
         parts = [part for robot in self.named for part in parts_of(robot, self.used, self.keyframes)]
         return [(part, base := part.table(self.used, loss), part.standing(base)) for part in parts]
+
+
+def _places(sightings: Sequence[Table], way: Sequence[Table]) -> list[Place]:
+    """The places of a robot's tags that stand at several: by the way that it drove, then, of the others, by visits."""
+    found = places_by_way(sightings, way)
+    told = [place.tag for place in found]
+    return found + places_of_tags([table.select(~np.isin(table.keys[:, 1], told)) for table in sightings])
 
 
 def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, IntArray]:
