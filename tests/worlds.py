@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, concatenate, rotations
-from teamslam.joining.start.dead_reckoning import compose_along
+from teamslam.geometry import Array, IntArray, Pose, compose_along, concatenate, rotations
 from teamslam.model import (
     MODELS,
     Dataset,

@@ -9,8 +9,7 @@ import pytest
 import teamslam as ts
 from teamslam.config import Config, TrustOptions
 from teamslam.errors import TeamslamError
-from teamslam.geometry import Pose, concatenate
-from teamslam.joining.start.dead_reckoning import compose_along
+from teamslam.geometry import Pose, compose_along, concatenate
 from teamslam.model import Dataset, Kind, Names, Table, Values, index_of, landmark_key, pose_key, robot_of
 from thinned import thinned
 from worlds import chain, measure

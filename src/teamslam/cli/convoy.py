@@ -68,10 +68,11 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             poses.add(None)
             said = driver.status(driver.member.robot.head.names) | {"dropped": link.dropped, "shut_out": link.shut_out}
             disks.tell(journal=journal.trouble, poses=poses.trouble, events=events.trouble)
-            events.changed(said | {"journal": disks.words})
+            said |= {"journal": disks.words}
+            events.changed(said)
             try:
                 with whole_file(out / "status.json") as file:
-                    file.write(json.dumps(said | {"journal": disks.words}, indent=1).encode())
+                    file.write(json.dumps(said, indent=1).encode())
                 disks.tell(status="")
             except OSError as error:  # it maps on
                 disks.tell(status=f"{error.filename}: {error.strerror}")

@@ -3,7 +3,7 @@
 from teamslam.geometry.align import Fit, align
 from teamslam.geometry.arrays import AnyArray, Array, BoolArray, FrozenDict, IntArray, Sealed, read_only, seal
 from teamslam.geometry.earth import Anchor
-from teamslam.geometry.pose import Pose, concatenate, directions, lift_points, lift_tangent, rotations
+from teamslam.geometry.pose import Pose, compose_along, concatenate, directions, lift_points, lift_tangent, rotations
 from teamslam.geometry.s2 import direction_basis
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Pose",
     "Sealed",
     "align",
+    "compose_along",
     "concatenate",
     "direction_basis",
     "directions",

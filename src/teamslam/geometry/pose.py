@@ -247,5 +247,15 @@ def concatenate(poses: list[Pose]) -> Pose:
     return Pose(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
 
 
+def compose_along(steps: Pose) -> Pose:
+    """The poses (n + 1,) from the identity on along n steps: X_0 = I, X_t = X_{t-1} @ step_t."""
+    poses = concatenate([Pose.identity(steps.dim, (1,)), steps])
+    reach = 1
+    while reach < len(poses):
+        poses = concatenate([poses[:reach], poses[:-reach] @ poses[reach:]])
+        reach *= 2
+    return poses
+
+
 def _apply(matrix: Array, vector: Array) -> Array:
     return np.asarray((matrix @ np.asarray(vector)[..., None])[..., 0])

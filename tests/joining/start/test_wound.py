@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from strategies import dims, generators, random_poses
-from teamslam.geometry import Array
+from teamslam.geometry import Array, compose_along
 from teamslam.joining import build, build_alternatives, exact_join, full, split
-from teamslam.joining.start.dead_reckoning import compose_along
 from teamslam.joining.start.wound import SPACING, wound
 from teamslam.model import Dataset, Values, pose_key, pose_kind
 from teamslam.sim.paper import PaperOptions, simulate_paper

@@ -20,7 +20,7 @@ import numpy as np
 
 from teamslam.frontend.tags.identities import SLACK, SLACK_M, Place
 from teamslam.frontend.tags.whole_poses import hypotheses
-from teamslam.geometry import Array, IntArray, Pose, concatenate, lift_tangent, so3
+from teamslam.geometry import Array, IntArray, Pose, compose_along, lift_tangent, so3
 from teamslam.model import Kind, Table, index_of, is_landmark, unpack
 
 SIGMAS = 6.0
@@ -59,10 +59,8 @@ class _Reckoning:
     def of(cls, way: Table) -> "_Reckoning":
         steps = unpack(way.values, Kind(way.dim - 2))
         assert isinstance(steps, Pose)
-        lifted, poses = steps.lift(3), [Pose.identity(3, (1,))]
-        for k in range(len(lifted)):
-            poses.append(poses[-1] @ lifted[[k]])
-        led = concatenate(poses)
+        lifted = steps.lift(3)
+        led = compose_along(lifted)
         up = lift_tangent(way.dim, 3)
         covariances = up @ np.linalg.inv(np.swapaxes(way.whitening, 1, 2) @ way.whitening) @ up.T
         shift = np.zeros((len(lifted), 6, 6))  # of t and w by a step's own noise: places turn about where it ends

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.errors import ModelError
-from teamslam.geometry import IntArray, Pose, concatenate
+from teamslam.geometry import IntArray, Pose, compose_along
 from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.odometry import odometry_links, own_rows
 from teamslam.joining.start.targets import measured_poses
@@ -75,13 +75,3 @@ def own_chain(piece: Dataset, robot: int) -> IntArray:
 def _earlier(table: Table, robot: int) -> IntArray:
     """The pose that each row belongs to: its observer, or the earlier of two of the robot's own poses."""
     return np.asarray(np.where((robot_of(table.keys) == robot).all(1), table.keys.min(1), table.keys[:, 0]))
-
-
-def compose_along(steps: Pose) -> Pose:
-    """The poses (n + 1,) from the identity on along n steps: X_0 = I, X_t = X_{t-1} @ step_t."""
-    poses = concatenate([Pose.identity(steps.dim, (1,)), steps])
-    reach = 1
-    while reach < len(poses):
-        poses = concatenate([poses[:reach], poses[:-reach] @ poses[reach:]])
-        reach *= 2
-    return poses

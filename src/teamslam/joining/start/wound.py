@@ -14,8 +14,7 @@ Carlone & Censi, "From angular manifolds to the integer lattice" (T-RO 2014), co
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose, rotations
-from teamslam.joining.start.dead_reckoning import compose_along
+from teamslam.geometry import Array, Pose, compose_along, rotations
 from teamslam.model import Values, pose_kind
 
 SPACING = 2.0 * np.pi / 3.0  # [rad]

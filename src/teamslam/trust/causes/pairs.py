@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import Array, IntArray, Pose, directions, lift_points
-from teamslam.joining.start.dead_reckoning import compose_along, steps_along
+from teamslam.geometry import Array, IntArray, Pose, compose_along, directions, lift_points
+from teamslam.joining.start.dead_reckoning import steps_along
 from teamslam.joining.start.odometry import odometry_links
 from teamslam.model import Dataset, Table, is_landmark, variances
 from teamslam.model.sensors import pose_of
