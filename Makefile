@@ -31,7 +31,7 @@ docs: $(VENV)/.ready-for-docs
 
 # The picture of the README, from the demo, in few enough colours to be small.
 picture: demo
-	$(BIN)/python -c "from PIL import Image; Image.open('demo/demo.png').convert('RGB').quantize(64).save('docs/images/demo.png', optimize=True)"
+	$(BIN)/python -c "from PIL import Image; Image.open('demo/demo.png').convert('RGB').quantize(256, method=Image.Quantize.FASTOCTREE).save('docs/images/demo.png', optimize=True)"
 
 clean:
 	rm -rf $(VENV) build demo docs/_build .cache
