@@ -48,11 +48,11 @@ inline void displace(Kind kind, const double* x, int j, double step, double* out
 
 // C (columns x columns, row-major) -= d(J'lambda)/dx over the unknowns of two variables, the columns of a first.
 // jacobian_at(a, b, J) fills J (rows x columns). A variable that is held (kinds alone do not say) is moved all the same.
-template <int most_columns, class JacobianAt>
+template <int most_rows, int most_columns, class JacobianAt>
 void subtract_bend(Kind kind_a, const double* a, Kind kind_b, const double* b, int dof_a, int dof_b, int rows,
                    const double* lambda, const JacobianAt& jacobian_at, double* C) {
   const int columns = dof_a + dof_b;
-  double slope[most_columns * most_columns], J[6 * most_columns], moved[12];
+  double slope[most_columns * most_columns], J[most_rows * most_columns], moved[12];
   for (int j = 0; j < columns; ++j) {
     double* of_j = slope + most_columns * j;
     std::fill_n(of_j, columns, 0.0);

@@ -201,9 +201,9 @@ void subtract_residual_bend(const Rows& table, int64_t row, const double* state,
     double e[rows];
     Factor::template evaluate<true>(z, table.sensor, a, b, e, J);
   };
-  subtract_bend<columns>(Factor::kind_a, state + table.state_a[row], Factor::kind_b,
-                         Factor::dof_b > 0 ? state + table.state_b[row] : nullptr, Factor::dof_a, Factor::dof_b, rows,
-                         lambda, jacobian_at, C);
+  subtract_bend<rows, columns>(Factor::kind_a, state + table.state_a[row], Factor::kind_b,
+                               Factor::dof_b > 0 ? state + table.state_b[row] : nullptr, Factor::dof_a, Factor::dof_b,
+                               rows, lambda, jacobian_at, C);
 }
 
 // Adds a symmetric C over the unknowns of a row's variables to their blocks (column-major, the rows of the later

@@ -326,7 +326,8 @@ void SubmapTerm::subtract_bends(const double* state, const Work& work, double* s
       if (moving) take_pose_columns(r.J_base, r.rows, r.base_columns, base, J, columns);
       take_member_columns(member.kind, r, kind, J + d_b, columns);
     };
-    subtract_bend<12>(base, x_b, kind, state + variables_.offset[member.variable], d_b, d_v, n, lambda, jacobian_at, C);
+    subtract_bend<6, 12>(base, x_b, kind, state + variables_.offset[member.variable], d_b, d_v, n, lambda, jacobian_at,
+                         C);
     for (int p = 0; p < d_v; ++p)
       for (int q = 0; q < d_v; ++q) system[member.diagonal + d_v * p + q] += C[columns * (d_b + p) + d_b + q];
     for (int p = 0; p < d_b; ++p)

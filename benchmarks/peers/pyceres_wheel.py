@@ -97,7 +97,7 @@ class Step(pyceres.CostFunction):
         e[:], A, B = residuals.step(self.z, first, second)
         if jacobians is not None:
             d = self.d
-            blocks = (A[:, :d], _by_numbers(A[:, d:], x[1]), B[:, :d], _by_numbers(B[:, d:], x[3]))
+            blocks = (A[:, :d], residuals.by_numbers(A[:, d:], x[1]), B[:, :d], residuals.by_numbers(B[:, d:], x[3]))
             _fill(jacobians, blocks)
         return True
 
@@ -114,7 +114,7 @@ class Sighting(pyceres.CostFunction):
     def Evaluate(self, x: Any, e: np.ndarray, jacobians: Any) -> bool:
         e[:], A, B = residuals.sighting(self.z, (x[0], residuals.rotation(x[1])), x[2])
         if jacobians is not None:
-            _fill(jacobians, (A[:, : self.d], _by_numbers(A[:, self.d :], x[1]), B))
+            _fill(jacobians, (A[:, : self.d], residuals.by_numbers(A[:, self.d :], x[1]), B))
         return True
 
 
@@ -122,11 +122,3 @@ def _fill(jacobians: Any, blocks: tuple[np.ndarray, ...]) -> None:
     for wanted, block in zip(jacobians, blocks, strict=True):
         if wanted is not None and wanted.size:
             wanted[:] = block.ravel()
-
-
-def _by_numbers(by_turn: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Derivatives by a turn w of R Exp(w), as derivatives by the block's numbers."""
-    if len(turn) == 1:
-        return by_turn
-    x, y, z, w = turn.tolist()
-    return by_turn @ (2.0 * np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z]]))

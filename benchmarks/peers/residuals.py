@@ -57,6 +57,14 @@ def turns(R: np.ndarray) -> np.ndarray:
     return log(R) if R.shape[-1] == 2 else Rotation.from_matrix(R).as_quat()
 
 
+def by_numbers(by_turn: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Derivatives by a turn w of R Exp(w), as derivatives by the block's numbers."""
+    if len(turn) == 1:
+        return by_turn
+    x, y, z, w = turn.tolist()
+    return by_turn @ (2.0 * np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z]]))
+
+
 def _turned_back(v: np.ndarray) -> np.ndarray:
     """The derivative of Exp(-w) v by w, at w = 0."""
     if len(v) == 2:

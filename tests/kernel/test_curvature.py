@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
-from kernel.formulas import dense
+from kernel.formulas import Variables, combinations, dense, measurement, residual
 from kernel.test_assembly import native, problems
 from kernel.test_submap_term import submaps
 from teamslam.errors import ModelError
@@ -28,6 +29,20 @@ def assert_second_derivative(problem: Problem, handles, state: np.ndarray) -> No
         scale = 1.0 + np.abs(matrix).max() * float(direction @ direction)
         assume(abs(slopes[1] - slopes[0]) < 1e-6 * scale)  # else a kink is near: half a turn, or Huber's corner
         assert abs(float(direction @ matrix @ direction) - slopes[0]) < 1e-5 * scale
+
+
+@pytest.mark.parametrize("model, dim, kinds", combinations(), ids=str)
+@settings(max_examples=20)
+@given(st.integers(0, 2**32))
+def test_of_every_model(model: str, dim: int, kinds: tuple[int, ...], seed: int) -> None:
+    """Each alone: among others, what one row holds wrongly may be small."""
+    rng, n = np.random.default_rng(seed), len(kinds)
+    variables = Variables(np.array(kinds), np.zeros(n, bool))
+    state, z = variables.random_state(rng), measurement(rng, model, dim)
+    rows = len(residual(model, dim, z, None, [variables.of(state, v) for v in range(n)]))
+    problem = Problem(variables.kinds, variables.fixed)
+    handle = problem.add_table(model, dim, [range(n)], [z], rng.normal(size=(1, rows, rows)))
+    assert_second_derivative(problem, [handle], state)
 
 
 @given(problems())
