@@ -96,7 +96,7 @@ class Driver:
             "in_short": peer.in_short,
             "root": peer.root.hex(),
             "missing": len(peer.missing),
-            "left_out": {refusal.name: refusal.reason for refusal in peer.held.admission.refused},
+            "left_out": peer.left_out,
             "agreed": len(robot.agreed),
             "revoked": [names.robot(number) for number in sorted(robot.head.robots) if peer.revoked(number)],
             "refused_packets": dict(peer.refused),

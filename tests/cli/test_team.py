@@ -134,3 +134,19 @@ def test_a_log_without_rows_gives_no_map_and_says_so(teamslam, log: Path, tmp_pa
         (tmp_path / "empty" / path.name).write_text(text if path.suffix == ".toml" else text.splitlines(True)[0])
     called = teamslam("team", tmp_path / "empty", "--out", tmp_path / "out", "--in-memory")
     assert called.code == 1 and "no robot has rows that a submap could be made of" in called.err
+
+
+def test_a_robot_whose_disk_is_full_is_alive_and_what_it_said_is_old(teamslam, tmp_path: Path) -> None:
+    """Its process holds its journal, whatever its status says; it is gone with its process."""
+    log = team("2d", robots=1, poses=5, landmarks=3)
+    said = {"alive": [], "links": {}, "holds": [], "missing": 0, "root": "", "refused_packets": {}, "robot": "1"}
+    (tmp_path / "1").mkdir()
+    (tmp_path / "1" / "status.json").write_text(json.dumps(said))
+    os.utime(tmp_path / "1" / "status.json", (0, 0))
+    with Journal(tmp_path / "1" / "journal.db", head_of(log, 1)):
+        called = teamslam("status", tmp_path / "1", "--json")
+        (robot,) = json.loads(called.out)
+        assert called.code == 1 and robot["is_alive"] == "yes"
+        assert "it runs and has told nothing" in teamslam("status", tmp_path / "1").out
+    called = teamslam("status", tmp_path / "1", "--json")
+    assert json.loads(called.out)[0]["is_alive"] == "no" and called.code == 0

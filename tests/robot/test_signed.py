@@ -225,3 +225,20 @@ def test_keys_that_do_not_fit_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="only the authority"):
         revoke(tmp_path / "green", "blue", [1])
     assert (blue / "robot-1.sign.key").stat().st_mode & 0o077 == 0
+
+
+def test_a_key_that_does_not_fit_its_certificate_is_named_and_whose_it_is(tmp_path: Path) -> None:
+    make_certificates(tmp_path, (1, 2))
+    for kind in ("sign.key", "key"):
+        own = tmp_path / f"robot-1.{kind}"
+        kept = own.read_bytes()
+        own.write_bytes((tmp_path / f"robot-2.{kind}").read_bytes())
+        with pytest.raises(InputError, match=f"robot-1.{kind}: this key does not fit robot-1.{kind[:-3]}crt") as error:
+            read_seal(tmp_path, "blue", 1, (1, 2), Names())
+        assert f"it is that of robot-2.{kind[:-3]}crt" in str(error.value)
+        (tmp_path / f"robot-2.{kind[:-3]}crt").rename(tmp_path / "away")
+        with pytest.raises(InputError, match="it fits no certificate here"):
+            read_seal(tmp_path, "blue", 1, (1,), Names())
+        (tmp_path / "away").rename(tmp_path / f"robot-2.{kind[:-3]}crt")
+        own.write_bytes(kept)
+    read_seal(tmp_path, "blue", 1, (1, 2), Names())

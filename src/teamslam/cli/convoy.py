@@ -94,11 +94,11 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     finished = Finished(out / "submaps")
     finished.add(driver.member.mapper.atlas.submaps)
     disks.tell(journal=journal.trouble, poses=poses.trouble, submaps=finished.trouble)
-    left_out = driver.member.peer.held.admission.refused
+    left_out = driver.member.peer.left_out
     made = joined(driver.member.peer.held)
     written_anew([component.map for component in made.components] if made is not None else [], out / "maps")
     written_anew(driver.member.rounds.maps, out / "exact")
-    for trouble in (*memory.damaged, *(refusal.reason for refusal in left_out)):
+    for trouble in (*memory.damaged, *left_out.values()):
         complain(trouble)
     if wrong:
         complain(f"{counted(wrong, 'line')} made no sense and were left out")

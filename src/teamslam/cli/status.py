@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 QUIET_S = 5.0  # a robot writes its status twice a second; one that is busy, less often
+OLD_S = 30.0  # and this is more than that
 
 
 def status(folders: tuple[Path, ...], /) -> int:
@@ -25,11 +26,17 @@ def status(folders: tuple[Path, ...], /) -> int:
     from teamslam.cli.console import answer, table
     from teamslam.cli.convoy import status_of
     from teamslam.errors import InputError
+    from teamslam.robot.journal import is_written
 
     robots: list[dict[str, Any]] = []
     for folder in folders:
         files = [folder / "status.json", *sorted(folder.glob("*/status.json"))]
-        found = [status_of(f.parent) | {"age_s": time.time() - f.stat().st_mtime} for f in files if f.exists()]
+        found = [
+            status_of(f.parent)
+            | {"age_s": time.time() - f.stat().st_mtime, "runs": is_written(f.with_name("journal.db"))}
+            for f in files
+            if f.exists()
+        ]
         if not found:
             raise InputError("there is no status.json here or one folder deeper: no robot has written one", path=folder)
         robots += found
@@ -47,7 +54,10 @@ def status(folders: tuple[Path, ...], /) -> int:
 
 
 def _alive(robot: dict[str, Any], robots: list[dict[str, Any]]) -> str:
-    """Whether a robot is there: it said something just now, or one that did sees it on its link."""
+    """Whether a robot is there: its process holds its journal, or it said something just now, or one that did sees it
+    on its link."""
+    if robot.get("runs"):
+        return "yes"
     if robot.get("ended"):
         return "ended"
     seen = any(robot.get("robot") in other.get("alive", ()) for other in robots if other["age_s"] < QUIET_S)
@@ -71,4 +81,6 @@ def _row(robot: dict[str, Any]) -> list[str]:
 
 def _wrong(robot: dict[str, Any]) -> str:
     """What is wrong: with its disk, and with submaps that it holds and that are in no map."""
-    return "; ".join(filter(None, [robot.get("journal", ""), *robot.get("left_out", {}).values()]))
+    old = robot["runs"] and robot["age_s"] > OLD_S
+    silent = f"it runs and has told nothing for {robot['age_s']:.0f} s: is its disk full?" if old else ""
+    return "; ".join(filter(None, [silent, robot.get("journal", ""), *robot.get("left_out", {}).values()]))

@@ -146,7 +146,7 @@ def _robot(member: Member) -> dict[str, Any]:
         "rows": {"taken": counts.taken, "repeated": counts.repeated, "late": counts.late},
         "submaps": len(peer.held.submaps),
         "missing": [f"{entry.id}, version {entry.version}" for entry in peer.missing],
-        "refused": [f"{r.name}: {r.reason}" for r in peer.held.admission.refused],
+        "refused": [f"{name}: {reason}" for name, reason in peer.left_out.items()],
         "refused_packets": dict(peer.refused),
         "unbuilt": list(member.mapper.atlas.unbuilt),
     }

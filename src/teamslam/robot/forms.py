@@ -16,7 +16,7 @@ is what makes one map. A message may have a share of what is left of the tightes
 carries in some seconds; where no form is short enough the shortest goes.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,8 +25,10 @@ from teamslam.errors import TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.joining import separators
 from teamslam.model import Submap, is_landmark, is_pose, robot_of
+from teamslam.robot.line import Content
+from teamslam.robot.namesakes import tells
 from teamslam.robot.opened import Opened
-from teamslam.team import Knowledge
+from teamslam.team import Knowledge, SubmapSet
 from teamslam.wire import send
 from teamslam.wire.rounding import COMPACT, EXACT, Precision
 
@@ -54,16 +56,21 @@ FORMS = (
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """A message to be made of a submap: its `version`, what others `needed` of it when it was ordered, and how many
-    bytes it may have at `most`."""
+    """A message to be made of a submap: its `version`, what others `needed` of it when it was ordered, how many bytes
+    it may have at `most`, and the messages that are `held` of this version, which the robot may have made once."""
 
     submap: Submap
     version: int
     needed: IntArray
     most: float
+    held: tuple[bytes, ...] = ()
 
     def made(self) -> bytes:
-        """The message in the first form that is short enough, else in the shortest."""
+        """One that is held and says the same; else the message in the first form that is short enough, else in the
+        shortest."""
+        for data in self.held:
+            if tells(data, self.submap):
+                return data
         submap, shortest = replace(self.submap, version=self.version), b""
         for form in FORMS:
             try:
@@ -107,16 +114,34 @@ def needed(own: Sequence[Submap], known: IntArray) -> dict[str, IntArray]:
     return found
 
 
+def stock(
+    own: Mapping[str, Submap], held: SubmapSet, bodies: Mapping[bytes, Content], mine: Set[bytes]
+) -> tuple[dict[str, tuple[int, Opened | None]], dict[str, tuple[bytes, ...]]]:
+    """Of a robot's own submaps that others hold too: the version that is held, with what is held of it; and the
+    messages of which it is unsure whether they are its own, where none of a version is among `mine`."""
+    there = [(digest, c) for digest, c in bodies.items() if c.entry.id in own and not c.entry.gone]
+    found = {c.entry.id: c.opened for _, c in there if len(held.held[c.entry.id].contents) == 1}
+    sent = {id_: (held.held[id_].version, found.get(id_)) for id_ in own if id_ in held.held}
+    unsure: dict[str, tuple[bytes, ...]] = {}
+    for id_ in {c.entry.id for _, c in there} - {c.entry.id for digest, c in there if digest in mine}:
+        if sent[id_][0] // VERSIONS == own[id_].version:
+            unsure[id_] = tuple(sorted(c.data for _, c in there if c.entry.id == id_))
+    return sent, unsure
+
+
 def orders(
     robot: int,
     own: Mapping[str, Submap],
     sent: Mapping[str, tuple[int, Opened | None]],
     known: Knowledge,
     most: float,
+    unsure: Mapping[str, tuple[bytes, ...]],
 ) -> tuple[Order, ...]:
     """The messages that are to be made of a robot's own submaps, where of each id such a version was `sent`, with what
-    is held of it (None: it was removed), and others say what they know."""
+    is held of it (None: it was removed), others say what they know, and of some it is `unsure` whether what is held is
+    its own."""
     new = {id_: VERSIONS * s.version for id_, s in own.items() if sent.get(id_, (-1, None))[0] < VERSIONS * s.version}
+    new |= {id_: sent[id_][0] for id_ in unsure}
     kept = {id_: found.keys for id_, (_, found) in sent.items() if found is not None and found.kind != "sparse"}
     short = {id_: keys for id_, keys in kept.items() if id_ in own and id_ not in new}
     if not new and not short:
@@ -126,4 +151,4 @@ def orders(
         version = sent[id_][0] + 1
         if version % VERSIONS and len(np.setdiff1d(wanted[id_], keys)):
             new[id_] = version
-    return tuple(Order(own[id_], version, wanted[id_], most) for id_, version in new.items())
+    return tuple(Order(own[id_], n, wanted[id_], most, unsure.get(id_, ())) for id_, n in new.items())

@@ -19,6 +19,7 @@ write tries again.
 import hashlib
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -243,6 +244,20 @@ class Journal:
             channel.robot, channel.source, channel.model, channel.dim, _integers(rows.keys).reshape(m, -1),
             _floats(rows.values).reshape(m, -1), whitening, _integers(rows.ids), channel.sensor, channel.loss,
         )  # fmt: skip
+
+
+def is_written(path: Path) -> bool:
+    """Whether a process of this machine has a journal open to write: its robot runs. A folder that was copied from
+    another machine, or lies on one, tells nothing."""
+    lock = path.with_name(f"{path.name}.lock")
+    if not lock.exists():
+        return False
+    try:
+        with closing(sqlite3.connect(f"{lock.resolve().as_uri()}?mode=ro", uri=True, timeout=0.0)) as base:
+            base.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.Error as error:
+        return "locked" in str(error)
+    return False
 
 
 def _digest(kind: str, data: bytes) -> bytes:

@@ -22,8 +22,9 @@ import numpy as np
 from teamslam.errors import InputError, TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.model import Submap
-from teamslam.robot.forms import VERSIONS, Order, allowance, made, orders
+from teamslam.robot.forms import VERSIONS, Order, allowance, made, orders, stock
 from teamslam.robot.line import Content, Line
+from teamslam.robot.namesakes import left_out
 from teamslam.robot.opened import announcements, opened
 from teamslam.robot.packets import (
     EVER,
@@ -86,9 +87,9 @@ class Peer:
     """A robot among others. `seal`: how it signs, and knows what others signed; None: nobody signs.
 
     `held`: the team's submaps, `known`: what each robot knows by name, as far as was heard, last at `heard_s`; `own`:
-    its own submaps, whole; `bodies` by digest; `lines` to others by their number; `wanted`: when each body was last
-    asked for, and how often; `announced_s`: when it last told what it holds; `asides`: what the last step heard
-    that is not of the exchange; `refused`: packets that made no sense, by reason.
+    its own submaps, whole; `bodies` by digest, `mine`: those of them that it made; `lines` to others by their number;
+    `wanted`: when each body was last asked for, and how often; `announced_s`: when it last told what it holds;
+    `asides`: what the last step heard that is not of the exchange; `refused`: packets that made no sense, by reason.
     """
 
     number: int
@@ -98,6 +99,7 @@ class Peer:
     known: Knowledge = field(default_factory=Knowledge)
     own: Mapping[str, Submap] = field(default_factory=lambda: MappingProxyType({}))
     bodies: Mapping[bytes, Content] = field(default_factory=lambda: MappingProxyType({}))
+    mine: frozenset[bytes] = frozenset()
     lines: Mapping[int, Line] = field(default_factory=lambda: MappingProxyType({}))
     wanted: Mapping[bytes, tuple[float, int]] = field(default_factory=lambda: MappingProxyType({}))
     announced_s: float = -1e300
@@ -164,7 +166,7 @@ class Peer:
     def with_submaps(self, submaps: Iterable[Submap]) -> "Peer":
         """With submaps of its own and their messages, made at once: `owning`, and what is in its `orders`."""
         peer = self.owning(submaps)
-        return peer.with_bodies(made(peer.orders))
+        return peer.with_messages(made(peer.orders))
 
     def owning(self, submaps: Iterable[Submap]) -> "Peer":
         """With submaps of its own, new or in newer versions, of which no message is made yet; what they name is told to
@@ -183,9 +185,8 @@ class Peer:
         stays."""
         spent = (line.sent.bytes for to, line in self.lines.items() if to != EVERYONE)
         most = allowance(self.habits.budget, self.habits.rate, spent)
-        found = {c.entry.id: c.opened for c in self.bodies.values() if c.entry.id in self.own and not c.entry.gone}
-        sent = {id_: (self.held.held[id_].version, found.get(id_)) for id_ in self.own if id_ in self.held.held}
-        return orders(self.number, self.own, sent, self.known, most)
+        sent, unsure = stock(self.own, self.held, self.bodies, self.mine)
+        return orders(self.number, self.own, sent, self.known, most, unsure)
 
     @property
     def orders(self) -> tuple[Order, ...]:
@@ -193,7 +194,7 @@ class Peer:
         time twice as long, so that what is still changing is not sent again and again."""
         quiet_s, patience_s = self.announced_s - self.heard_s, self.habits.patience_s
         again = ((order, order.version % VERSIONS) for order in self.unmade)
-        return tuple(order for order, n in again if not n or quiet_s >= patience_s * 2 ** min(n, RESTS))
+        return tuple(order for order, n in again if not n or order.held or quiet_s >= patience_s * 2 ** min(n, RESTS))
 
     def knowing(self, keys: IntArray) -> "Peer":
         """With landmarks and poses of others that it knows, as announcements."""
@@ -202,7 +203,13 @@ class Peer:
     def with_messages(self, messages: Iterable[bytes]) -> "Peer":
         """With messages of its own submaps as they were ordered; one that came too late, or that none could be made of,
         changes nothing."""
-        return self.with_bodies(data for data in messages if data and self._news(opened(data).entry))
+        made = [data for data in messages if data and self._news(opened(data).entry)]
+        return replace(self.with_bodies(made), mine=self.mine | set(map(digest_of, made)))
+
+    @cached_property
+    def left_out(self) -> dict[str, str]:
+        """The submaps that are held, or that it made, and that are in no map, each with the reason."""
+        return left_out({id_: VERSIONS * s.version + VERSIONS - 1 for id_, s in self.own.items()}, self.held)
 
     def with_bodies(self, bodies: Iterable[bytes]) -> "Peer":
         """With submaps of its own as messages, or removals, which it signs. Raises InputError where one is not sound,

@@ -44,7 +44,11 @@ class Seal:
         if verify is None:
             raise InputError(f"a body that robot {body.robot} signed, which is no member", field="signature")
         if not verify(body.signature, spoken(self.team, body.data)):
-            raise InputError(f"a body is not what robot {body.robot} signed", field="signature")
+            raise InputError(
+                f"a body is not what robot {body.robot} signed: its signature does not fit that robot's certificate "
+                f"here, or team {self.team}",
+                field="signature",
+            )
 
     def refuse_borrowed(self, body: Body, found: Opened) -> None:
         """Raises InputError where a body, opened, is not of the robot that signed it."""

@@ -4,16 +4,15 @@ It is served from a thread of viser's own; a step never waits for who looks at i
 """
 
 from collections.abc import Sequence
-from contextlib import redirect_stdout
-from io import StringIO
 from typing import Any
 
 import numpy as np
 
-from teamslam.errors import InputError, MissingExtraError
+from teamslam.errors import InputError
 from teamslam.geometry import Array
 from teamslam.model import Submap, index_of, is_landmark, is_pose, robot_of
 from teamslam.robot import Estimate
+from teamslam.viewer.server import address_of, follow, framed, started, stopped
 
 COLOURS = ((31, 119, 180), (214, 39, 40), (44, 160, 44), (148, 103, 189), (255, 127, 14), (23, 190, 207))
 MARK = (90, 90, 90)
@@ -24,22 +23,18 @@ class LiveMap:
 
     def __init__(self, port: int, host: str = "127.0.0.1") -> None:
         try:
-            import viser
-        except ModuleNotFoundError:
-            raise MissingExtraError("a live map needs viser: pip install 'teamslam[view]'") from None
-        try:
-            with redirect_stdout(StringIO()):  # its greeting: whoever starts it says where it is
-                self.server: Any = viser.ViserServer(host=host, port=port, label="teamslam", verbose=False)
+            self.server: Any = started(host, port)
         except OSError as error:
             raise InputError(f"port {port} cannot be used: {error}", field="view") from None
-        self.server.scene.set_up_direction("+z")
         self._base: int | None = None
         self._drawn: set[str] = set()
+        self._from = np.zeros(3)
+        self._look(np.zeros((1, 3)))
 
     @property
     def address(self) -> str:
         """Where a browser finds it."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        return address_of(self.server)
 
     def show(self, known: Submap) -> None:
         """The map as it is known now, in place of the one before."""
@@ -59,6 +54,7 @@ class LiveMap:
         for gone in self._drawn - drawn:
             scene.remove_by_name(gone)
         self._base, self._drawn = known.base, drawn
+        self._look(known.all_values.positions(np.sort(known.keys), 3))
 
     def at(self, now: Estimate) -> None:
         """Where the robot is now, if that is written in the frame of the map that is shown."""
@@ -71,7 +67,14 @@ class LiveMap:
 
     def close(self) -> None:
         """End the server."""
-        self.server.stop()
+        stopped(self.server)
+
+    def _look(self, places: Array) -> None:
+        """So that all places (n, 3) are in view: for who comes, and for who has not looked around."""
+        look_at, position = framed(places)
+        self.server.initial_camera.look_at, self.server.initial_camera.position = look_at, position
+        follow(self.server.get_clients().values(), self._from, look_at, position)
+        self._from = position
 
 
 def ways(known: Submap) -> dict[int, Array]:

@@ -1,15 +1,14 @@
 """The viewer: a server on this machine, its scene, and the panel that switches it."""
 
 from collections.abc import Sequence
-from contextlib import redirect_stdout
-from io import StringIO
 from typing import Any
 
 import numpy as np
 
-from teamslam.errors import InputError
+from teamslam.geometry import Array
 from teamslam.viewer.nodes import Nodes
 from teamslam.viewer.placed import Placed
+from teamslam.viewer.server import address_of, framed, started, stopped
 
 KINDS = {
     "ways": "ways",
@@ -30,19 +29,13 @@ PLAYED_S = 30.0  # that playing a run takes
 
 
 class Viewer:
-    """Runs in one space, served at `address` until it is stopped. InputError where viser is not installed."""
+    """Runs in one space, served at `address` until it is stopped. MissingExtraError where viser is not installed."""
 
     def __init__(self, runs: Sequence[Placed], *, host: str = "127.0.0.1", port: int = 8080) -> None:
-        try:
-            import viser
-        except ImportError:
-            raise InputError("the viewer needs viser; install it with `pip install teamslam[view]`") from None
         self.runs = runs
-        with redirect_stdout(StringIO()):  # its greeting: whoever starts a viewer says where it is
-            self.server: Any = viser.ViserServer(host=host, port=port, label="teamslam", verbose=False)
-        self.server.scene.set_up_direction("+z")
-        low, high = _box(runs)
-        self.size = float(np.linalg.norm(high - low)) or 1.0
+        self.server: Any = started(host, port)
+        places = _places(runs)
+        self.size = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
         self.nodes = [
             [
                 Nodes(
@@ -52,16 +45,14 @@ class Viewer:
             ]
             for n, run in enumerate(runs)
         ]
-        middle = 0.5 * (low + high)
-        self.server.initial_camera.look_at = middle
-        self.server.initial_camera.position = middle + self.size * np.array([-0.2, -0.5, 0.45])
+        self.server.initial_camera.look_at, self.server.initial_camera.position = framed(places)
         self._panel()
         self._show()
 
     @property
     def address(self) -> str:
         """Where a browser finds it."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        return address_of(self.server)
 
     def step(self, seconds: float) -> None:
         """Let so much time pass: while it plays, the run goes on."""
@@ -72,7 +63,7 @@ class Viewer:
 
     def stop(self) -> None:
         """Close the server, and what is connected to it."""
-        self.server.stop()
+        stopped(self.server)
 
     def _panel(self) -> None:
         gui, pages = self.server.gui, [run.page for run in self.runs]
@@ -139,12 +130,12 @@ def _plain(words: str) -> str:
     return "".join(f"\\{letter}" if letter in "\\`*_{}[]<>#+-.!|~" else letter for letter in words)
 
 
-def _box(runs: Sequence[Placed]) -> tuple[Any, Any]:
-    """The corners of what is shown."""
-    places = [
-        frame.act(np.concatenate([part.marks.places, *(way.places for way in part.ways)]))
-        for run in runs
-        for part, frame in zip(run.page.parts, run.frames, strict=True)
-    ]
-    every = np.concatenate(places)
-    return every.min(0), every.max(0)
+def _places(runs: Sequence[Placed]) -> Array:
+    """All that is shown (n, 3)."""
+    return np.concatenate(
+        [
+            frame.act(np.concatenate([part.marks.places, *(way.places for way in part.ways)]))
+            for run in runs
+            for part, frame in zip(run.page.parts, run.frames, strict=True)
+        ]
+    )

@@ -134,8 +134,33 @@ def read_seal(folder: Path, team: str, robot: int, members: Iterable[int], names
     own = load_pem_private_key(_read(path), None)
     if not isinstance(own, Ed25519PrivateKey):
         raise InputError("this is no key that signs submaps (Ed25519)", path=path)
+    for key in (path, folder / f"{common_name(robot)}.key"):
+        _refuse_another(key, robot)
     known = {member: _verifier(folder, member) for member in {robot, *members}}
     return Seal(team, robot, own.sign, known | {HOME: _home(folder)}, names)
+
+
+def _refuse_another(path: Path, robot: int) -> None:
+    """Raises InputError where a robot's key is not that of its certificate, and says whose it is, where that is
+    known."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    certificate = path.with_suffix(".crt")
+    try:
+        own, named = load_pem_private_key(_read(path), None), x509.load_pem_x509_certificate(_read(certificate))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"this key or {certificate.name} beside it makes no sense: {error}", path=path) from None
+    if own.public_key() == named.public_key():
+        return
+    others = (p for p in sorted(path.parent.glob("*.crt")) if p != certificate)
+    fits = [p.name for p in others if own.public_key() == x509.load_pem_x509_certificate(p.read_bytes()).public_key()]
+    whose = f"it is that of {fits[0]}" if fits else "it fits no certificate here"
+    raise InputError(
+        f"this key does not fit {certificate.name}: {whose}; give each robot its own files, as `teamslam keys` made "
+        f"them",
+        path=path,
+    )
 
 
 def _verifier(folder: Path, robot: int) -> Verify:
