@@ -423,6 +423,20 @@ def test_arrival_order_waits_for_what_connects() -> None:
     assert np.abs(joined.map.values.minus(join([one, two, three]).map.values)).max() < 0.02
 
 
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("apart", [False, True])
+def test_whatever_the_order_members_are_the_submaps_that_went_in(order: str, apart: bool) -> None:
+    dataset = without_robots(team("planar", robots=3, landmarks=9, poses=20))
+    halves = dataset.landmark_keys[:5], dataset.landmark_keys[5:]
+    log = dataset.with_tables(
+        t if t.source == "odometry" else t.select(np.isin(t.keys[:, 1], halves[t.robot == 3])) for t in dataset.tables
+    )
+    submaps = submaps_of(log if apart else dataset, poses_per_piece=8)
+    joined = ORDERS[order](submaps)
+    assert (len(joined.components) > 1) == apart
+    assert sorted(name for c in joined.components for name in c.members) == sorted(s.id for s in submaps)
+
+
 def test_a_planar_robot_and_a_flying_one_make_one_map() -> None:
     mixed = mixed_team()
     assert mixed.truth is not None

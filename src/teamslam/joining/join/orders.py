@@ -3,48 +3,64 @@
 A joined map is a submap again, so every order is a way of calling `join`. Each level linearises once more, so orders
 agree to second order in the noise, not to the last digit (the exact join removes that difference); what is not yet
 connected waits as a component of its own until something connects it, and what is not yet determined (a map with one
-position in the world, which is free to turn about it) until something determines it.
+position in the world, which is free to turn about it) until something determines it. Law: whatever the order, the
+members of the components are the submaps that went in.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from teamslam.errors import SolveError
-from teamslam.joining.join.join import Joined, in_order, join
+from teamslam.joining.join.join import Component, Joined, in_order, join
 from teamslam.model import Submap
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
+Within = dict[str, tuple[str, ...]]  # the submaps that a map was joined of, by its id
+
 
 def join_sequentially(submaps: Iterable[Submap], *, options: Options = DEFAULTS) -> Joined:
     """One submap after another, in the order given: the order of arrival. Raises as `join` does."""
-    parts: list[Submap] = []
+    parts, within = list[Submap](), Within()
     for submap in submaps:
-        parts = [*_so_far(parts, options), submap]
-    return join(parts, options=options)
+        parts = [*_so_far(parts, options, within), submap]
+    return _named(join(parts, options=options), within)
 
 
 def join_by_tree(submaps: Iterable[Submap], *, options: Options = DEFAULTS) -> Joined:
     """By a binary tree over the submaps in the order of robot and time: neighbours first, so that each join has a good
     start, and log n levels. Raises as `join` does."""
-    return join(_merge(in_order(submaps), options), options=options)
+    within = Within()
+    return _named(join(_merge(in_order(submaps), options, within), options=options), within)
 
 
-def _merge(submaps: Sequence[Submap], options: Options) -> list[Submap]:
+def _merge(submaps: Sequence[Submap], options: Options, within: Within) -> list[Submap]:
     if len(submaps) <= 2:
         return list(submaps)
     middle = len(submaps) // 2
-    halves = (_merge(submaps[:middle], options), _merge(submaps[middle:], options))
-    return [part for half in halves for part in _so_far(half, options)]
+    halves = (_merge(submaps[:middle], options, within), _merge(submaps[middle:], options, within))
+    return [part for half in halves for part in _so_far(half, options, within)]
 
 
-def _so_far(submaps: Sequence[Submap], options: Options) -> list[Submap]:
+def _so_far(submaps: Sequence[Submap], options: Options, within: Within) -> list[Submap]:
     """The maps of what is there so far; the submaps as they are where these alone determine no map."""
     if not submaps:
         return []
     try:
-        return [component.map for component in join(submaps, options=options).components]
+        components = join(submaps, options=options).components
     except SolveError:
         return list(submaps)
+    within |= {component.map.id: _members(component, within) for component in components}
+    return [component.map for component in components]
+
+
+def _named(joined: Joined, within: Within) -> Joined:
+    """A join of maps, by the submaps that these were joined of."""
+    return replace(joined, components=tuple(replace(c, members=_members(c, within)) for c in joined.components))
+
+
+def _members(component: Component, within: Within) -> tuple[str, ...]:
+    return tuple(sorted(id_ for part in component.members for id_ in within.get(part, (part,))))
 
 
 ORDERS: dict[str, Callable[..., Joined]] = {
