@@ -14,9 +14,11 @@
 #include "checks.hpp"
 #include "cholesky.hpp"
 #include "condensation.hpp"
+#include "filter.hpp"
 #include "normal_equations.hpp"
 #include "problem.hpp"
 #include "sparse_rows.hpp"
+#include "table.hpp"
 
 struct teamslam_blocks {
   teamslam::BlockPattern pattern;
@@ -58,6 +60,23 @@ Result guarded(Result failure, const Body& body) {
     last_error = error.what();
   }
   return failure;
+}
+
+// Calls with the rows of a table, or with a user's, between variables of some kinds.
+template <class Use>
+int32_t with_rows(const std::vector<teamslam::Kind>& kinds, const teamslam::TableInput& input, int32_t keys,
+                  int64_t residuals, teamslam_linearise_rows linearise, const Use& use) {
+  if (!linearise) {
+    const teamslam::LoneTable lone(kinds, input);
+    return use({input.rows, teamslam::keys(input.model), lone.table.residual_size(), input.index,
+                [&](const double* state, double* e, double* J) { lone.table.weighted(state, e, J); }});
+  }
+  for (int64_t i = 0; i < input.rows * keys; ++i)
+    if (input.index[i] < 0 || input.index[i] >= static_cast<int64_t>(kinds.size()))
+      teamslam::refuse("row ", i / keys, " names variable ", input.index[i], ", but there are ", kinds.size());
+  return use({input.rows, keys, residuals, input.index, [&](const double* state, double* e, double* J) {
+                if (linearise(state, e, J) < 0) teamslam::refuse("a user's rows could not be linearised");
+              }});
 }
 
 BlockPattern pattern_of(int64_t variables, const int32_t* dof, const int64_t* column_start, const int32_t* row) {
@@ -223,6 +242,40 @@ int32_t teamslam_normal_equations(int64_t variables, const int32_t* kinds, int32
                                      shared_whitening != 0, sensor, static_cast<teamslam::Loss>(loss), scale};
     *cost = teamslam::normal_equations(variables, kinds, input, state, H, g);
     return 0;
+  });
+}
+
+int32_t teamslam_moved(int64_t variables, const int32_t* kinds, const uint8_t* turns, const double* centre,
+                       const double* state, const double* covariance, int32_t model, int32_t dimension, int64_t rows,
+                       const int64_t* index, const double* z, const double* whitening, int32_t shared_whitening,
+                       const double* sensor, int32_t loss, double scale, int32_t keys, int64_t residuals,
+                       teamslam_linearise_rows linearise, const double* step, int32_t backward, int32_t settled,
+                       double* moved_state, double* moved_covariance) {
+  return guarded<int32_t>(-1, [&] {
+    const teamslam::Moving order(variables, kinds, turns, centre);
+    const teamslam::TableInput input{static_cast<teamslam::Model>(model), dimension, rows, index, z, whitening,
+                                     shared_whitening != 0, sensor, static_cast<teamslam::Loss>(loss), scale};
+    const std::vector<teamslam::Kind> pair(2, order.kind[0]);
+    return with_rows(pair, input, keys, residuals, linearise, [&](const teamslam::Sightings& steps) {
+      return teamslam::moved(order, {state, covariance}, steps, step, backward != 0, settled != 0, moved_state,
+                             moved_covariance);
+    });
+  });
+}
+
+int32_t teamslam_seen(int64_t variables, const int32_t* kinds, const uint8_t* turns, const double* centre,
+                      const double* state, const double* covariance, int32_t model, int32_t dimension, int64_t rows,
+                      const int64_t* index, const double* z, const double* whitening, int32_t shared_whitening,
+                      const double* sensor, int32_t loss, double scale, int32_t keys, int64_t residuals,
+                      teamslam_linearise_rows linearise, int64_t most, double little, double* seen_state,
+                      double* seen_covariance) {
+  return guarded<int32_t>(-1, [&] {
+    const teamslam::Moving order(variables, kinds, turns, centre);
+    const teamslam::TableInput input{static_cast<teamslam::Model>(model), dimension, rows, index, z, whitening,
+                                     shared_whitening != 0, sensor, static_cast<teamslam::Loss>(loss), scale};
+    return with_rows(order.kind, input, keys, residuals, linearise, [&](const teamslam::Sightings& sightings) {
+      return teamslam::seen(order, {state, covariance}, sightings, most, little, seen_state, seen_covariance);
+    });
   });
 }
 

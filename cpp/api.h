@@ -77,6 +77,26 @@ TEAMSLAM_API int32_t teamslam_normal_equations(int64_t variables, const int32_t*
                                                int32_t loss, double scale, const double* state, double* H, double* g,
                                                double* cost);
 
+/* A robot's filter (filter.hpp), over variables of which the first is the pose of now. Rows are a table, whose index names
+ * variables; or, where `linearise` is not null, a user's, of `keys` variables and `residuals` numbers each: it gives e and
+ * J as of filter.hpp, and 0, or a number below it where it failed. Return 1, or 0 where nothing was done: where rows leave
+ * something open or are not finite. sensor may be null.
+ * moved: index names the old pose X (0) and the new one (1), which begins at X o step, or X o step^-1. */
+typedef int32_t (*teamslam_linearise_rows)(const double* state, double* e, double* J);
+TEAMSLAM_API int32_t teamslam_moved(int64_t variables, const int32_t* kinds, const uint8_t* turns, const double* centre,
+                                    const double* state, const double* covariance, int32_t model, int32_t dimension,
+                                    int64_t rows, const int64_t* index, const double* z, const double* whitening,
+                                    int32_t shared_whitening, const double* sensor, int32_t loss, double scale,
+                                    int32_t keys, int64_t residuals, teamslam_linearise_rows linearise,
+                                    const double* step, int32_t backward, int32_t settled, double* moved_state,
+                                    double* moved_covariance);
+TEAMSLAM_API int32_t teamslam_seen(int64_t variables, const int32_t* kinds, const uint8_t* turns, const double* centre,
+                                   const double* state, const double* covariance, int32_t model, int32_t dimension,
+                                   int64_t rows, const int64_t* index, const double* z, const double* whitening,
+                                   int32_t shared_whitening, const double* sensor, int32_t loss, double scale,
+                                   int32_t keys, int64_t residuals, teamslam_linearise_rows linearise,
+                                   int64_t most, double little, double* seen_state, double* seen_covariance);
+
 /* Fixes the structure. sizes: free variables, blocks, values of H, unknowns, numbers of the linear system. */
 TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[5]);
 TEAMSLAM_API void teamslam_pattern(const teamslam_problem* problem, int32_t* dof, int64_t* column_start, int32_t* row);

@@ -32,6 +32,16 @@ inline void multiply_transposed(const double (&A)[D * D], const double (&B)[D * 
     }
 }
 
+// R brought back to the rotations by one Newton step, R (3 I - R'R) / 2, so that rounding never piles up.
+template <int D>
+inline void sharpen(const double (&R)[D * D], double* out) {
+  double square[D * D], rotation[D * D];
+  multiply_transposed<D>(R, R, square);
+  for (int i = 0; i < D * D; ++i) square[i] = (i % (D + 1) == 0 ? 1.5 : 0.0) - 0.5 * square[i];
+  multiply<D>(R, square, rotation);
+  for (int i = 0; i < D * D; ++i) out[i] = rotation[i];
+}
+
 // The pose that a variable of kind K stands for in D dimensions; a planar one is lifted to yaw only, z = 0.
 template <int D, Kind K>
 inline Pose<D> load_pose(const double* x) {

@@ -10,16 +10,6 @@ namespace teamslam {
 
 namespace {
 
-// R brought back to the rotations by one Newton step, R (3 I - R'R) / 2, so that rounding never piles up.
-template <int D>
-void sharpen(const double (&R)[D * D], double* out) {
-  double square[D * D], rotation[D * D];
-  multiply_transposed<D>(R, R, square);
-  for (int i = 0; i < D * D; ++i) square[i] = (i % (D + 1) == 0 ? 1.5 : 0.0) - 0.5 * square[i];
-  multiply<D>(R, square, rotation);
-  std::copy_n(rotation, D * D, out);
-}
-
 // R <- R Exp(w).
 template <int D>
 void turn(double* R, const double* w) {

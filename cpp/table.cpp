@@ -23,6 +23,15 @@ void reorder(std::vector<Number>& rows, int64_t width, const std::vector<int64_t
   rows = std::move(sorted);
 }
 
+// The places of variables that are all free.
+Variables& fill(Variables& variables) {
+  for (int64_t v = 0; v < variables.count(); ++v) {
+    variables.offset.push_back(variables.offset.back() + numbers(variables.kind[v]));
+    variables.free.push_back(static_cast<int32_t>(v));
+  }
+  return variables;
+}
+
 }  // namespace
 
 Table::Table(const Variables& variables, const TableInput& input)
@@ -206,7 +215,7 @@ Rows Table::rows_of(const Run& run) const {
           loss_,
           scale_,
           curvature_,
-          places_.data() + run.first};
+          places_.empty() ? nullptr : places_.data() + run.first};
 }
 
 double Table::linearise(int32_t chunk, const double* state, double* system) const {
@@ -272,6 +281,20 @@ void Table::jacobians(const double* state, double* out) const {
   for (int64_t row = 0; row < rows_; ++row) std::copy_n(in + row * size, size, out + order_[row] * size);
 }
 
+void Table::weighted(const double* state, double* e, double* J) const {
+  residuals(state, e);
+  jacobians(state, J);
+  if (loss_ == Loss::squared) return;
+  const int64_t r = residual_size(), size = r * 2 * most_dof;
+  for (int64_t row = 0; row < rows_; ++row) {
+    double square = 0.0;
+    for (int64_t i = 0; i < r; ++i) square += e[row * r + i] * e[row * r + i];
+    const double root = std::sqrt(robust(loss_, scale_, square).weight);
+    for (int64_t i = 0; i < r; ++i) e[row * r + i] *= root;
+    for (int64_t i = 0; i < size; ++i) J[row * size + i] *= root;
+  }
+}
+
 template <class Use>
 void Table::each_row(const double* state, const int64_t* start, const Use& use) const {
   constexpr int64_t together = 64;
@@ -329,6 +352,11 @@ void Table::pull(const double* state, const int64_t* start, const double* u, int
       }
     }
   });
+}
+
+LoneTable::LoneTable(const std::vector<Kind>& kinds, const TableInput& input)
+    : variables{kinds, {0}, {}}, table(fill(variables), input) {
+  table.arrange(std::vector<int32_t>(kinds.size(), 0), 1);
 }
 
 }  // namespace teamslam

@@ -37,6 +37,8 @@ class Table final : public Term {
   void residuals(const double* state, double* out) const;
   // Their derivatives -de/dx, whitened: rows x residual_size x 2 most_dof (models.hpp), the rest of each row untouched.
   void jacobians(const double* state, double* out) const;
+  // Both, times the root of what the loss makes each row's weight; `out` of the derivatives holds zeros before.
+  void weighted(const double* state, double* e, double* J) const;
   // Products with these derivatives WJ, which are never stored. `start` (of the free variables) says where the unknowns
   // of each begin; arrays are row-major with `columns` columns. WJ y, rows x residual_size; and J'W'u, added to `out`.
   void along(const double* state, const int64_t* start, const double* y, int64_t columns, double* out) const;
@@ -86,6 +88,16 @@ class Table final : public Term {
   std::vector<int64_t> state_a_, state_b_;
   std::vector<int64_t> slots_;  // until placed
   std::vector<Places> places_;
+};
+
+// A table by itself, between variables that are all free: its residuals and derivatives may be asked for at once.
+struct LoneTable {
+  LoneTable(const std::vector<Kind>& kinds, const TableInput& input);
+  LoneTable(const LoneTable&) = delete;
+  LoneTable& operator=(const LoneTable&) = delete;
+
+  Variables variables;
+  Table table;
 };
 
 }  // namespace teamslam

@@ -16,10 +16,11 @@ H d = g with H = sum J'W'WJ and g = sum J'W'We; the cost is sum rho(|We|^2), wit
 from teamslam.kernel.analysis import POSITIONS_HELP_FROM, Analysis
 from teamslam.kernel.condensation import Condensation
 from teamslam.kernel.factor import Factor, NotPositiveDefinite, Statistics
+from teamslam.kernel.filter import Gaussian, Rows, UserRows, moved, seen
 from teamslam.kernel.library import set_threads, threads
 from teamslam.kernel.normal_equations import normal_equations
 from teamslam.kernel.pattern import BlockPattern
-from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, MOST_DOF, Problem
+from teamslam.kernel.problem import CURVATURES, LOSSES, MODELS, MOST_DOF, Problem, table_arguments
 
 __all__ = [
     "CURVATURES",
@@ -31,10 +32,16 @@ __all__ = [
     "BlockPattern",
     "Condensation",
     "Factor",
+    "Gaussian",
     "NotPositiveDefinite",
     "Problem",
+    "Rows",
     "Statistics",
+    "UserRows",
+    "moved",
     "normal_equations",
+    "seen",
     "set_threads",
+    "table_arguments",
     "threads",
 ]

@@ -3,11 +3,12 @@
     moved     x_new = x (+) u        F = -D^-1 B', Q = D^-1 from H = [A B; B' D] of the odometry between the two poses
     told      a landmark that the map knows, seen for the first time: from the map, given what is held of it (`ahead`)
     enter     a landmark that nobody knows: as the pose, from the rows that see it
-    seen      x (+) P_s (1 + H P_ss)^-1 (g + H d)     P - P_s (1 + H P_ss)^-1 H P_s'
+    seen      x (+) P J' S^-1 (e + J d)     P - P J' S^-1 J P     S = 1 + J P J'
 
-with H and g of the rows (`normal_equations`), s the variables that they speak of, and d how far these have moved since
-the start of the update: it is repeated, linearised anew, while the sight of things turns by more than a little.
-All in the unknowns of `order`, in which what is new turns with the pose.
+with e and J of the rows, whitened and weighted, and d how far x has moved since the start of the update: it is
+repeated, linearised anew, while the sight of things turns by more than a little. All in the unknowns of `order`, in
+which what is new turns with the pose. `moved` and `seen` are one call each of the native kernel (cpp/filter.hpp), for
+sensors that people added as well: the kernel asks for their rows.
 
 What the filter forgets it has marginalised: a landmark that comes back enters as one that nobody knows, which loses
 what was known of it and counts nothing twice. So work is bounded by how many landmarks it may hold, whatever the
@@ -15,18 +16,17 @@ mission; and as it begins anew from the map wherever a submap closes (`outlook`)
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import Array, BoolArray, IntArray, Pose
+from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.start.targets import measured_poses, sightings
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, pack, point_kind, pose_kind, unpack
 from teamslam.model.keys import WORLD
 from teamslam.robot.ahead import Ahead
 from teamslam.robot.order import Order, turning
-from teamslam.solver import normal_equations
+from teamslam.solver import Gaussian, moved, normal_equations, seen
 
 REPEATED = 3  # linearisations of one update at most
 LITTLE = 0.05  # [rad] by which the sight of things may turn before rows are linearised anew: half its square is lost
@@ -90,55 +90,31 @@ class Filter:
     def pose_covariance(self) -> Array:
         """Its covariance in the chart of `geometry.pose`."""
         n = self.kind.dof
-        T = _charted(self.turning[:n])
+        T = _charted(self._turning)
         found = T @ self.covariance[:n, :n] @ T.T
         return np.asarray(0.5 * (found + found.T))
 
-    @cached_property
-    def turning(self) -> Array:
-        """How all unknowns of the mixed chart move as what turns turns: (unknowns, axes)."""
-        return self.order.turning(self.state, self.centre)
+    @property
+    def _turning(self) -> Array:
+        """How the pose of now moves in the mixed chart as it turns: (unknowns, axes)."""
+        return np.asarray(turning(self.kind, self.state[None, : self.kind.size], self.centre)[0])
 
     # --- moving ---------------------------------------------------------------------------------------------------
 
     def moved(self, table: Table) -> "Filter | None":
         """At the next pose, by relative poses between this one and that; None where they leave it open."""
-        new = int(table.keys[table.keys != self.key][0])
-        start = self._beyond(table)
-        keys, kinds = np.array([self.key, new]), np.repeat(self.order.kinds[:1], 2)
-        m = self.kind.size
-        old = self.state[:m]
-        pair = np.concatenate([old, pack(start)])
-        _, H, g = normal_equations(table, keys, kinds, pair)
-        found = _conditional(H, g, self.kind.dof)
+        measured = measured_poses(table if len(table) == 1 else table.select(np.zeros(1, np.int64)), self.kind.dim)
+        found = moved(self._numbers, self.key, table, pack(measured)[0])
         if found is None:
             return None
-        F, Q, shift = found
-        there = (start if len(table) == 1 else start.retract(shift)).sharpened()
-        order, state = self.order.at(new), np.concatenate([pack(there), self.state[m:]])
-        C = self.turning.copy()
-        C[: self.kind.dof] = turning(self.kind, state[None, :m], self.centre)[0]
-        onward = replace(self, order=order, state=state, covariance=self._carried(F, Q, C))
-        onward.__dict__["turning"] = C
-        return onward
+        keys = table.keys[0].tolist()
+        order = self.order.at(keys[1] if keys[0] == self.key else keys[0])
+        return replace(self, order=order, state=found[0], covariance=found[1])
 
-    def _carried(self, F: Array, Q: Array, C: Array) -> Array:
-        """The covariance at a new pose, where things turn by C. What turns is where it was: where the pose has turned,
-        it has not turned along."""
-        n, d = self.kind.dof, self.kind.dim
-        back, axes = np.linalg.inv(_charted(C[:n])), np.eye(n)[d:]
-        F, Q = back @ F @ _charted(self.turning[:n]), back @ Q @ back.T
-        by_noise, by_old = -C @ axes, C @ (axes - F[d:])
-        by_noise[:n], by_old[:n] = np.eye(n), F - np.eye(n)
-        out = self.covariance + by_old @ self.covariance[:n]
-        out += out[:, :n] @ by_old.T
-        out += by_noise @ Q @ by_noise.T
-        return np.asarray(out)
-
-    def _beyond(self, table: Table) -> Pose:
-        """Where the first relative pose of a table puts the next pose."""
-        step = measured_poses(table if len(table) == 1 else table.select(np.zeros(1, np.int64)), self.kind.dim)[0]
-        return self.pose @ (step if int(table.keys[0, 0]) == self.key else step.inverse())
+    @property
+    def _numbers(self) -> Gaussian:
+        """As the kernel takes it."""
+        return Gaussian(self.order.kinds, self.order.turns, self.centre, self.state, self.covariance)
 
     # --- seeing ---------------------------------------------------------------------------------------------------
 
@@ -210,7 +186,7 @@ class Filter:
         if found is None:
             return self
         F, Q, _ = found
-        F = F @ _charted(self.turning[:n])
+        F = F @ _charted(self._turning)
         F[:, self.kind.dim :] -= turning(Kind(int(kinds[0])), states, self.centre).reshape(len(F), -1)
         across = F @ self.covariance[:n]
         own = across[:, :n] @ F.T + Q
@@ -220,56 +196,23 @@ class Filter:
 
     def seen(self, table: Table) -> "Filter":
         """Sharpened by the rows of a table that see what it holds from this pose."""
-        targets = table.keys[:, -1]
         if table.row.unary:
-            known: BoolArray = np.full(len(targets), self.frame == WORLD) & (targets == self.key)
-            places = np.zeros(1, np.int64)
+            if self.frame != WORLD:
+                return self
+            known, index = table.keys[:, 0] == self.key, np.zeros((len(table), 1), np.int64)
         else:
-            at = [self.order.place.get(key, 0) for key in targets.tolist()]
-            known, places = np.array(at, bool), np.array(sorted({0, *at}))
+            index = np.zeros((len(table), 2), np.int64)
+            index[:, 1] = [self.order.place.get(key, 0) for key in table.keys[:, 1].tolist()]
+            known = index[:, 1] > 0
         if not known.any():
             return self
-        return self._updated(table if known.all() else table.select(known), places)
-
-    def _updated(self, table: Table, places: IntArray) -> "Filter":
-        keys, kinds = self.order.keys[places], self.order.kinds[places]
-        rows, columns = self.order.rows(places), self.order.columns(places)
-        P_s = self.covariance[:, columns]
-        P_ss = P_s[columns]
-        eye, axes = np.eye(len(columns)), slice(self.kind.dim, self.kind.dof)
-        state, moved, turned = self.state, np.zeros(len(columns)), self.turning
-        for _ in range(REPEATED):
-            try:
-                _, H, g = normal_equations(table, keys, kinds, state[rows])
-            except ModelError:  # kinds that the model does not relate: the submap's business
-                return self
-            if not (np.isfinite(g).all() and np.isfinite(H).all()):
-                return self
-            T = np.eye(len(columns))
-            T[:, axes] = turned[columns]
-            H, g = T.T @ H @ T, T.T @ g
-            gain = np.linalg.solve(eye + H @ P_ss, np.concatenate([H, (g + H @ moved)[:, None]], 1))
-            shift = P_s @ gain[:, -1]
-            state = self.order.retract(self.state, shift, self.centre)
-            ahead, moved = shift[columns] - moved, shift[columns]
-            if not self._turned(ahead, places):
-                break
-            turned = self.order.turning(state, self.centre)
-        inner = gain[:, :-1]
-        covariance = P_s @ (0.5 * (inner + inner.T)) @ P_s.T
-        np.subtract(self.covariance, covariance, out=covariance)  # in place: what is made of n^2 numbers takes its time
-        return replace(self, state=state, covariance=covariance)
-
-    def _turned(self, ahead: Array, places: IntArray) -> bool:
-        """Whether a movement turns the sight of some variables by more than a little."""
-        d, n = self.kind.dim, self.kind.dof
-        if np.abs(ahead[d:n]).max() > LITTLE:
-            return True
-        if len(places) == 1:
-            return False
-        there = self.state[self.order.numbers[places[1:], None] + np.arange(2)]
-        away = np.abs(there - self.state[:2]).sum(-1).min()
-        return bool(np.abs(ahead[:d]).max() + np.abs(ahead[n:]).max() > LITTLE * away)
+        if not known.all():
+            table, index = table.select(known), index[known]
+        try:
+            found = seen(self._numbers, self.order.keys, table, index, REPEATED, LITTLE)
+        except ModelError:  # kinds that the model does not relate: the submap's business
+            return self
+        return self if found is None else replace(self, state=found[0], covariance=found[1])
 
     # --- forgetting -----------------------------------------------------------------------------------------------
 

@@ -1,8 +1,9 @@
 """Nonlinear weighted least squares over poses and points. It cannot know what a submap is for."""
 
+from teamslam.kernel import Gaussian
 from teamslam.solver.condensed import Condensed
 from teamslam.solver.covariance import Covariances
-from teamslam.solver.dense import normal_equations
+from teamslam.solver.dense import moved, normal_equations, seen
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
@@ -18,6 +19,7 @@ __all__ = [
     "Condensed",
     "Covariances",
     "Factor",
+    "Gaussian",
     "Graduated",
     "Linearised",
     "Matrix",
@@ -33,10 +35,12 @@ __all__ = [
     "firm",
     "linearise_numerically",
     "meanwhile",
+    "moved",
     "normal_equations",
     "optimise",
     "optimise_graduated",
     "reach",
     "refuse_rounding",
+    "seen",
     "side_by_side",
 ]
