@@ -18,7 +18,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, lift_tangent, rotations
-from teamslam.model import Kind, is_landmark, pack, unpack
+from teamslam.model import Kind, is_landmark, unpack
 from teamslam.model.layout import KIND_DOF, KIND_SIZE, rows_of
 
 Part = tuple[Kind, bool, IntArray, IntArray]
@@ -111,18 +111,26 @@ class Order:
         return out
 
     def retract(self, state: Array, delta: Array, centre: Array) -> Array:
-        """x (+) delta, by the formulas above."""
+        """x (+) delta, by the formulas above, on the numbers themselves."""
         out, d, n = state.copy(), len(centre), int(KIND_DOF[self.kinds[0]])
         half = rotations(d).exp(0.5 * delta[d:n]) if self.turns[0] else np.eye(d)
         turn = half @ half
         for kind, turns, numbers, unknowns in self.parts:
-            there, step = unpack(state[numbers], kind), delta[unknowns]
+            e, there, step = kind.dim, state[numbers], delta[unknowns]
             if turns:
-                there = _turned(there, centre, turn)
+                there[:, :d] = (there[:, :d] - centre) @ turn.T + centre
                 step[:, :d] = step[:, :d] @ half.T
-                if unknowns[0, 0] == 0:
-                    step[0, d:] = 0.0  # its turn is that of all
-            out[numbers] = pack(_ahead(there, step)) if isinstance(there, Pose) else there + step
+            there[:, :e] += step[:, :e]
+            if kind.is_pose:
+                rotation = there[:, e:].reshape(-1, e, e)
+                if turns:
+                    rotation[:, :d] = turn @ rotation[:, :d]
+                if turns and unknowns[0, 0] == 0:
+                    step[0, e:] = 0.0  # its turn is that of all
+                if step[:, e:].any():
+                    rotation = rotation @ rotations(e).exp(step[:, e:])
+                there[:, e:] = rotation.reshape(len(there), -1)
+            out[numbers] = there
         return out
 
     def minus(self, state: Array, other: Array) -> Array:
@@ -140,34 +148,23 @@ class Order:
 def turning(kind: Kind, state: Array, centre: Array) -> Array:
     """How variables of a kind, (n, size), move in the mixed chart as they turn about a centre: (n, dof, axes)."""
     d, e = len(centre), kind.dim
-    there, axes = unpack(state, kind), rotations(d).DOF
-    places = there.translation if isinstance(there, Pose) else there
-    out = np.zeros((len(state), kind.dof, axes))
-    out[:, :d] = np.einsum("aij,nj->nia", _generators(d), places[:, :d] - centre)
-    if isinstance(there, Pose):
-        out[:, e:] = rotations(e).adjoint(np.swapaxes(there.rotation, -1, -2)) @ lift_tangent(d, e)[e:, d:]
+    levers, upright = _generators(d), _upright(d, e)
+    out = np.zeros((len(state), kind.dof, len(upright[0])))
+    out[:, :d] = ((state[:, :d] - centre) @ levers).reshape(len(state), d, -1)
+    if kind.is_pose:
+        rotation = state[:, e:].reshape(-1, e, e)
+        out[:, e:] = rotations(e).adjoint(np.swapaxes(rotation, -1, -2)) @ upright
     return out
 
 
-def _turned(there: Pose | Array, centre: Array, turn: Array) -> Pose | Array:
-    """Poses or points turned about a centre."""
-    d, places = len(centre), there.translation if isinstance(there, Pose) else there
-    places = places.copy()
-    places[:, :d] = (places[:, :d] - centre) @ turn.T + centre
-    if not isinstance(there, Pose):
-        return places
-    rotation = there.rotation.copy()
-    rotation[:, :d] = turn @ rotation[:, :d]
-    return Pose(rotation, places)
-
-
-def _ahead(poses: Pose, step: Array) -> Pose:
-    """x (+) step, of the mixed chart."""
-    still = len(step) == 1 and not step[0, poses.dim :].any()  # as the pose of now
-    return Pose(poses.rotation, poses.translation + step[:, : poses.dim]) if still else poses.retract(step)
+@lru_cache
+def _upright(dim: int, space: int) -> Array:
+    """The axes of a turn in a space of more dimensions."""
+    return lift_tangent(dim, space)[space:, dim:]
 
 
 @lru_cache
 def _generators(dim: int) -> Array:
-    """d/dw Exp(w) at 0 of each axis."""
-    return np.asarray(rotations(dim).hat(np.eye(rotations(dim).DOF)))
+    """d/dw Exp(w) p at 0 for each number of p: (numbers, numbers x axes)."""
+    each = np.asarray(rotations(dim).hat(np.eye(rotations(dim).DOF)))
+    return np.ascontiguousarray(each.transpose(2, 1, 0).reshape(dim, -1))

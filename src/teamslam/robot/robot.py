@@ -23,11 +23,13 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.frontend.agreed import with_poses
 from teamslam.geometry import Array, IntArray, Pose
-from teamslam.joining.build.split import MIN_POSES, apart, cuts, refuse_borrowed
+from teamslam.joining.build.split import MIN_POSES, apart, cuts_along, refuse_borrowed
 from teamslam.model import Dataset, Names, Table, pose_key
 from teamslam.robot.filter import Filter
-from teamslam.robot.rows import ALWAYS, Batch, batches, divided, head_of, inserted, log_of, not_yet, rank_of
+from teamslam.robot.rows import ALWAYS, Batch, batches, divided, head_of, inserted, log_of, not_yet, poses_in, rank_of
 from teamslam.robot.trail import Pace, Trail, along, begun_with, with_row
+
+ROUNDING = 1e-9  # of sums in another order
 
 
 @dataclass(frozen=True)
@@ -202,8 +204,16 @@ class Robot:
     @property
     def due(self) -> bool:
         """Whether it may be worth while to look for a piece that has come to an end (`close`)."""
+        most, sigma = self.options.poses_per_piece, self.options.heading_sigma
+        least = min((n for n in (most, MIN_POSES if sigma is not None else None) if n is not None), default=None)
+        if least is None or len(self.open) < least:
+            return False
         past = self.open[: bisect_left(self.open, (self.settled, False, -1, -1), key=rank_of)]
-        return sum(batch.moves for batch in past) >= (self.options.poses_per_piece or MIN_POSES)
+        moves = sum([batch.moves for batch in past])
+        if most is not None and moves >= most:
+            return True
+        lost = sum([batch.heading_variance for batch in past]) if sigma is not None and moves >= MIN_POSES else 0.0
+        return sigma is not None and lost * (1.0 + ROUNDING) > sigma**2
 
     def close(self) -> "Robot":
         """With every piece closed that has come to an end."""
@@ -235,8 +245,12 @@ class Robot:
         return with_poses(rows, self.number, keys) is not rows
 
     def _cuts(self, until: int | None) -> IntArray:
-        return cuts(
-            log_of(self.head, self.open), self.number, since=self.since, until=until,
+        poses = poses_in(self.open, self.number)
+        if self.since is not None:
+            poses = np.union1d(poses[poses >= self.since], [self.since])
+        odometry = log_of(self.head, (batch for batch in self.open if batch.moves))
+        return cuts_along(
+            poses, odometry, self.number, until=until,
             poses_per_piece=self.options.poses_per_piece, heading_sigma=self.options.heading_sigma,
         )  # fmt: skip
 

@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import Array
+from teamslam.geometry import Array, IntArray
 from teamslam.joining.build.split import taken_from
-from teamslam.model import Dataset, Table, index_of, pack, robot_of
+from teamslam.model import Dataset, Table, index_of, is_pose, pack, robot_of, variances
 from teamslam.model.keys import MAX_INDEX
 
 ALWAYS = -1  # the time of what was measured from no pose: a landmark that was surveyed
@@ -35,9 +35,23 @@ class Batch:
     table: Table
 
     @cached_property
+    def taken(self) -> tuple[int, int]:
+        """The first and the last pose that its rows were taken from (`taken_from`)."""
+        found = taken_from(self.table).tolist()
+        return min(found), max(found)
+
+    @property
     def earliest(self) -> int:
-        """The first pose that its rows were taken from (`taken_from`)."""
-        return int(taken_from(self.table).min())
+        """The first of them."""
+        return self.taken[0]
+
+    @cached_property
+    def heading_variance(self) -> float:
+        """How much less the heading is known after its steps, at most [rad^2]."""
+        if not self.moves or self.table.model != "relative_pose":
+            return 0.0
+        each = variances(self.table.whitening)[:, self.table.dim :].sum(-1)
+        return float(np.broadcast_to(each, len(self.table)).sum(where=np.isfinite(each)))
 
     @cached_property
     def rank(self) -> Rank:
@@ -81,15 +95,20 @@ def log_of(head: Dataset, held: Iterable[Batch]) -> Dataset:
     return head.with_tables(_together(head.tables[n], by_channel[n]) for n in sorted(by_channel))
 
 
+def poses_in(held: Iterable[Batch], robot: int) -> IntArray:
+    """A robot's own poses in batches, rising."""
+    keys = np.concatenate([np.zeros(0, np.int64), *(batch.table.keys.ravel() for batch in held)])
+    return np.unique(keys[is_pose(keys) & (robot_of(keys) == robot)])
+
+
 def divided(batch: Batch, ends: Sequence[int | None]) -> list[tuple[int, Batch]]:
     """A batch in parts, by the number of poses of `ends` (rising; None: the end of all) that come no later than those
     its rows were taken from."""
     cuts = [end for end in ends if end is not None]
-    if not ends:
-        return [(0, batch)]
-    part = np.searchsorted(cuts, taken_from(batch.table), side="right") if cuts else np.zeros(len(batch.table), int)
-    if (part == part[0]).all():
-        return [(int(part[0]), batch)]
+    first, last = (bisect_right(cuts, pose) for pose in batch.taken)
+    if first == last:
+        return [(first, batch)]
+    part = np.searchsorted(cuts, taken_from(batch.table), side="right")
     return [(n, replace(batch, table=batch.table.select(part == n))) for n in np.unique(part).tolist()]
 
 

@@ -68,7 +68,23 @@ def cuts(
     poses = log.pose_keys[robot]
     if since is not None:
         poses = np.union1d(poses[poses >= since], [since])
-    found = poses[_cuts(heading_variances(log, robot, poses), poses_per_piece, heading_sigma)[1:]]
+    return cuts_along(poses, log, robot, until=until, poses_per_piece=poses_per_piece, heading_sigma=heading_sigma)
+
+
+def cuts_along(
+    poses: IntArray,
+    odometry: Dataset,
+    robot: int,
+    *,
+    until: int | None = None,
+    poses_per_piece: int | None = None,
+    heading_sigma: float | None = None,
+) -> IntArray:
+    """The same along a robot's poses, rising, the first of which begins a stretch; of the log only the odometry counts,
+    and that only where a piece ends by its heading."""
+    counted = heading_sigma is None
+    variance = np.zeros(max(len(poses) - 1, 0)) if counted else heading_variances(odometry, robot, poses)
+    found = poses[_cuts(variance, poses_per_piece, heading_sigma)[1:]]
     return np.asarray(found if until is None else found[found < until])
 
 
