@@ -42,6 +42,22 @@ def same(live: Dataset, offline: Dataset) -> bool:
     )
 
 
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("horizon", [0.0, 3.0])
+def test_it_is_due_when_a_piece_has_come_to_its_end_and_seldom_else(rule: dict[str, float], horizon: float) -> None:
+    """To look for one goes with the open rows: it is not done at every step."""
+    log = log_with_gaps("2d", 5, gaps=0, poses=120)
+    limits = {"poses_per_piece": None, "heading_sigma": None} | rule
+    robot, looked, moments = Robot.of(log, 1, Options(**limits, horizon_s=horizon)), 0, 0
+    for _, tables in in_time(log, 1):
+        robot, moments = robot.step(tables), moments + 1
+        closed = robot.close()
+        assert robot.due or closed is robot
+        looked += robot.due
+        robot = closed
+    assert (len(robot.closed) > 5 and looked <= 8 * len(robot.closed)) or (not rule and not looked)
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     world=st.sampled_from(WORLDS),
