@@ -146,8 +146,14 @@ def _information(submap: Submap, rows: list[Table], findings: Findings) -> None:
 def _cost(submap: Submap, rows: list[Table], findings: Findings) -> None:
     """A map's cost is that of its rows."""
     mine = cost_at(rows, everything(submap))
-    near = abs(mine - submap.cost) <= 1e-6 * abs(mine) + 1e-6
+    near = abs(mine - submap.cost) <= 1e-6 * abs(mine) + 1e-6 + rounding(rows, everything(submap), mine)
     findings.check("cost is that of the rows", near, f"stated {submap.cost:.9g}, found {mine:.9g}")
+
+
+def rounding(rows: list[Table], values: Values, cost: float) -> float:
+    """Of a cost: each residual rounds by as much as the coordinates beside its sigma do, here and there in another
+    way."""
+    return float(10.0 * System(values.layout, tables=rows).rounding(values) * np.sqrt(cost + 1.0))
 
 
 def _optimum(component: Component, rows: list[Table], findings: Findings) -> None:

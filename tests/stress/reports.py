@@ -7,7 +7,7 @@ import numpy as np
 
 from stress.drive import Outcome
 from stress.failure import Findings
-from stress.maps import cost_at, everything, rows_of, step_from
+from stress.maps import cost_at, everything, rounding, rows_of, step_from
 from stress.oracle import DENSE
 from teamslam.joining import Component
 from teamslam.model import Table
@@ -31,9 +31,7 @@ def check_reports(outcome: Outcome, findings: Findings, *, fair: bool) -> None:
         if cost is not None:
             rows, values = list(rows_of(component.map, outcome.log)), everything(component.map)
             mine = cost_at(rows, values)
-            # Each residual rounds by as much as the coordinates beside its sigma do, here and there in another way.
-            rounding = 10.0 * System(values.layout, tables=rows).rounding(values) * np.sqrt(mine + 1.0)
-            near = isclose(mine, cost.cost, rel_tol=1e-6, abs_tol=1e-6 + rounding)
+            near = isclose(mine, cost.cost, rel_tol=1e-6, abs_tol=1e-6 + rounding(rows, values, mine))
             findings.check("a report's cost is that of the rows", near, f"stated {cost.cost:.9g}, found {mine:.9g}")
     report = report_of(outcome.result)
     findings.check("a report is JSON", _is_json(known(report)))
@@ -76,5 +74,6 @@ def _exactness(component: Component, rows: list[Table], findings: Findings) -> N
     if best.converged:
         # The step knows the weights of a loss and not how they change: its gap is of the size of the true one.
         low, high = (0.7, 1.4) if losses == {"squared"} else (0.2, 5.0)
-        near = low * promised - 1e-9 * cost <= gap <= high * promised + 1e-9 * cost
+        unseen = 1e-9 * cost + rounding(rows, values, cost)
+        near = low * promised - unseen <= gap <= high * promised + unseen
         findings.check("a stated gap is the true gap", near, f"stated {promised:.4g}, true {gap:.4g}")
