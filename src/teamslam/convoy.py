@@ -34,6 +34,7 @@ class Driver:
     names: Callable[[], Names] | None = None
     parked: bool = False
     kept: set[bytes] = field(default_factory=set)
+    may_be_lost: bool = False
     reported_s: float = -1e300
 
     def drive(self, arrivals: Iterable[tuple[float, list[Table]]], speed: float | None) -> bool:
@@ -65,19 +66,24 @@ class Driver:
         return True
 
     def beat(self) -> None:
-        """Hear, write down, say."""
+        """Hear, write down, say: of what it made itself nothing before it is on the disk."""
         self._keep()
         self.member.talk(monotonic(), self._keep, HEARD_AT_ONCE)
         if monotonic() - self.reported_s >= STATUS_S or self.leave():
             self.reported_s = monotonic()
             self.report(self)
 
-    def _keep(self) -> None:
+    def _keep(self) -> bool:
+        """Write down what is new. Whether anything may be said: what it made and could lose again, nobody hears of."""
         self.journal.agree(self.member.robot)
-        bodies = self.member.peer.bodies
-        if fresh := [digest for digest in bodies if digest not in self.kept]:
-            self.journal.bodies(bodies[digest].body for digest in fresh)
-            self.kept.update(fresh)
+        bodies, number = self.member.peer.bodies, self.member.robot.number
+        fresh = [digest for digest in bodies if digest not in self.kept]
+        written = self.journal.bodies(bodies[digest].body for digest in fresh)
+        self.kept.update(fresh)
+        own = any(bodies[d].opened.base == number and not bodies[d].entry.knows for d in fresh)
+        self.may_be_lost = not written and (own or self.may_be_lost)
+        self.member.scribe.waits = not written
+        return not self.may_be_lost
 
     def status(self, names: Names) -> dict[str, Any]:
         """How it stands, for people and for whoever watches it."""

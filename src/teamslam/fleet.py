@@ -61,8 +61,9 @@ class Member:
         self.scribe = Scribe()
         self.peer = self.scribe.attend(self.peer)
 
-    def talk(self, now_s: float, between: Callable[[], None] = lambda: None, most: int = HEARD) -> None:
-        """Hear (at most so many packets) and say what there is; `between` the two something may be done."""
+    def talk(self, now_s: float, between: Callable[[], bool] = lambda: True, most: int = HEARD) -> None:
+        """Hear (at most so many packets) and say what there is; `between` the two something may be done, which tells
+        whether anything may be said."""
         known = self.peer.known
         self.peer, out = self.peer.step(now_s, self.link.receive(most))
         if self.peer.known is not known:
@@ -74,8 +75,7 @@ class Member:
         said = self.rounds.attend(now_s, self.peer, self.robot, self.peer.asides, ready)
         self.peer, more = self.peer.saying(said)
         out += more
-        between()
-        for packet in out:
+        for packet in out if between() else ():
             self.link.send(packet.to, packet.data)
 
     def agree(self) -> None:

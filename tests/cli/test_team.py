@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,12 @@ from teamslam.events import happened
 from teamslam.fleet import Member
 from teamslam.io import read, read_submaps, write
 from teamslam.joining import build, split
-from teamslam.robot import Robot
+from teamslam.live import replayed
+from teamslam.robot import Options, Robot
 from teamslam.robot.journal import Journal
 from teamslam.robot.link.memory import Air, Weather
-from teamslam.robot.peer import Peer
+from teamslam.robot.opened import opened
+from teamslam.robot.peer import Habits, Peer
 from teamslam.robot.rows import head_of
 from teamslam.team import SubmapSet
 from teamslam.wire.messages import canonical, send
@@ -150,3 +153,35 @@ def test_a_robot_whose_disk_is_full_is_alive_and_what_it_said_is_old(teamslam, t
         assert "it runs and has told nothing" in teamslam("status", tmp_path / "1").out
     called = teamslam("status", tmp_path / "1", "--json")
     assert json.loads(called.out)[0]["is_alive"] == "no" and called.code == 0
+
+
+def test_nobody_hears_of_a_submap_that_its_robot_may_lose(tmp_path: Path) -> None:
+    """While its disk is full a robot keeps what it makes to itself: what others hold is in its journal, always."""
+    log, air = team("2d", robots=2, poses=20, landmarks=6), Air(Weather(), 0)
+    habits, options = Habits(announce_s=1e-6, patience_s=1e-6), Options(poses_per_piece=6)
+    one, two = (Member(Robot.of(log, n, options), Peer(n, habits), air.link(n)) for n in (1, 2))
+
+    def talked(driver: Driver, turns: int = 12) -> set[str]:
+        for turn in range(turns):
+            air.tick(float(turn))
+            driver.beat()
+            two.talk(time.monotonic())
+        return {submap.id for submap in two.peer.held.submaps}
+
+    with Journal(tmp_path / "journal.db", head_of(log, 1)) as journal:
+        driver, rows = Driver(one, journal), [tables for _, tables in replayed(log, 1)]
+        for n, tables in enumerate(rows):
+            if n == 2 * len(rows) // 3:
+                pages = journal._base.execute("PRAGMA page_count").fetchone()[0]
+                journal._base.execute(f"PRAGMA max_page_count = {pages}")
+            one.drive(tables)
+            journal.step(one.robot)
+            there = talked(driver, 2)
+            assert there <= {opened(body.data).entry.id for body in journal.recall().bodies}
+        one.park()
+        there = talked(driver)
+        made = {submap.id for submap in one.peer.own.values()}
+        assert "full" in journal.trouble and there < made
+        assert there <= {opened(body.data).entry.id for body in journal.recall().bodies}
+        journal._base.execute("PRAGMA max_page_count = 100000")
+        assert talked(driver, 30) == made and not journal.trouble

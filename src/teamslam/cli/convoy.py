@@ -96,8 +96,11 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     disks.tell(journal=journal.trouble, poses=poses.trouble, submaps=finished.trouble)
     left_out = driver.member.peer.left_out
     made = joined(driver.member.peer.held)
-    written_anew([component.map for component in made.components] if made is not None else [], out / "maps")
-    written_anew(driver.member.rounds.maps, out / "exact")
+    try:
+        written_anew([component.map for component in made.components] if made is not None else [], out / "maps")
+        written_anew(driver.member.rounds.maps, out / "exact")
+    except OSError as error:
+        disks.tell(maps=f"{error.filename or out}: {error.strerror}; the map is not written")
     for trouble in (*memory.damaged, *left_out.values()):
         complain(trouble)
     if wrong:

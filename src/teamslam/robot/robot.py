@@ -24,7 +24,8 @@ from teamslam.errors import InputError
 from teamslam.frontend.agreed import with_poses
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.build.split import MIN_POSES, apart, cuts_along, refuse_borrowed
-from teamslam.model import Dataset, Names, Table, pose_key
+from teamslam.model import Dataset, Names, Table, index_of, pose_key
+from teamslam.model.keys import MAX_INDEX
 from teamslam.robot.filter import Filter
 from teamslam.robot.rows import ALWAYS, Batch, batches, divided, head_of, inserted, log_of, not_yet, poses_in, rank_of
 from teamslam.robot.trail import Pace, Trail, along, begun_with, with_row
@@ -99,7 +100,8 @@ class Robot:
 
     `head`: its channels (`rows`); `newest`: the tick of its newest row; `open`: batches that are in no closed piece, in
     order; `since`: the pose at which its log was cut last; `took`: what was new in the last step; `agreed`: poses of
-    its own as others named them, rising, whether its odometry passes there or not.
+    its own as others named them, rising, whether its odometry passes there or not; `twice`: the tick up to which a
+    clock that went back has told its stamps twice, ALWAYS where none has.
     """
 
     number: int
@@ -113,6 +115,7 @@ class Robot:
     trail: Trail = ()
     took: tuple[Table, ...] = ()
     agreed: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    twice: int = ALWAYS
 
     @classmethod
     def of(cls, log: Dataset, number: int, options: Options | None = None) -> "Robot":
@@ -168,6 +171,11 @@ class Robot:
 
     def _take(self, batch: Batch) -> "Robot":
         if batch.time != ALWAYS and batch.time < self.settled:
+            twice = self.newest if self._contradicted(batch) else self.twice
+            return replace(self, counts=self.counts.with_more(late=len(batch.table)), twice=twice)
+        if (
+            self.twice != ALWAYS != batch.time and index_of(batch.earliest) <= self.twice
+        ):  # of which of two times, nobody knows
             return replace(self, counts=self.counts.with_more(late=len(batch.table)))
         if self.since is not None and batch.earliest >= self.since:  # as nearly always: what is closed is not touched
             return self._go_on(batch)
@@ -175,6 +183,23 @@ class Robot:
         for number, part in divided(batch, [piece.end for piece in self.closed]):
             robot = robot._reopen(number, part) if number < len(self.closed) else robot._go_on(part)
         return robot
+
+    def _contradicted(self, batch: Batch) -> bool:
+        """Whether a batch that is late tells of a stretch of the way that was told of before, and otherwise: a clock
+        that went back tells its stamps twice."""
+        if not batch.moves:
+            return False
+        rows = next(
+            (piece.rows for piece in self.closed if piece.rows and piece.rows[-1].time >= batch.time), self.open
+        )
+        here = (batch.time, False, batch.channel)
+        first, stop = (bisect_left(rows, (*here, edge), key=rank_of) for edge in (-1, MAX_INDEX))
+        known = [rows[n].table for n in range(first, stop)]
+        return any(
+            (table.keys[n] == batch.table.keys[0]).all() and not np.array_equal(table.values[n], batch.table.values[0])
+            for table in known
+            for n in range(len(table))
+        )
 
     def _go_on(self, batch: Batch) -> "Robot":
         fresh, again = not_yet(self.open, batch)

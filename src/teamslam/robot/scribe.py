@@ -11,10 +11,10 @@ from teamslam.robot.peer import Peer
 
 
 class Scribe:
-    """Makes messages, one round at a time."""
+    """Makes messages, one round at a time; none while it `waits`, as for a disk."""
 
     def __init__(self, executor: Executor | None = None) -> None:
-        self._executor = executor
+        self._executor, self.waits = executor, False
         self._round: Future[list[bytes]] | None = None
         self._seen: tuple[object, ...] = ()
         self._asked: tuple[object, ...] = ()
@@ -28,6 +28,8 @@ class Scribe:
 
     def attend(self, peer: Peer) -> Peer:
         """The peer with what was made since, and what it wants now ordered."""
+        if self.waits:
+            return peer
         if self._round is not None:
             if not self._round.done():
                 return peer
