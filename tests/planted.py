@@ -203,9 +203,10 @@ WORDS = {
 
 
 def said_by_run(log: Dataset) -> list[Cause]:
-    """What a run says that a log looks like, whether it can be solved or not."""
+    """What a run says that a log looks like, or put right of it, whether it can be solved or not."""
     try:
-        return list(run(log).verdict.causes)
+        result = run(log)
+        return [*result.apart, *result.verdict.causes]
     except SolveError:
         return mistakes_of_robots(log, log.robots)
 

@@ -30,6 +30,12 @@ class Room:
     ways: list
     line_s: float = 0.0  # of a shutter that rolls
     called: dict = field(default_factory=dict)  # the number printed on a tag, where it is that of another
+    moved: dict = field(default_factory=dict)  # tags that are carried elsewhere: number -> (from which tick on, (R, T))
+
+    def wall(self, number, k):
+        """Where a tag is at a tick."""
+        since, place = self.moved.get(number, (np.inf, None))
+        return place if k >= since else self.walls[number]
 
 
 def wall_tags(rng, count=8):
@@ -99,7 +105,7 @@ def seen(room, robot, k, rng, noise=1.0):
         way, others = (between(room, who, k, late_s) for who in (robot, other))
         Ro, To = pose(others)
         if number in room.walls:
-            return *room.walls[number], *camera_of(way)
+            return *room.wall(number, k), *camera_of(way)
         Rt, Tt = CUBES[other][number]
         return Ro @ Rt, Ro @ Tt + To, *camera_of(way)
 
@@ -148,7 +154,7 @@ def write(room, folder, kind="mcap", seed=0, odometry_noise=1.0, noise=1.0):
             messages.append(
                 recordings.detections("/camera/tags", stamp, seen(room, robot, k, rng, noise), stamp + 30_000)
             )
-        (folder / f"robot{robot}").mkdir()
+        (folder / f"robot{robot}").mkdir(parents=True)
         path = recordings.write(folder / f"robot{robot}", kind, messages)
         text.append(f"""
 [[robot]]

@@ -19,6 +19,12 @@ def room(tmp_path_factory):
     return made, tagged_room.write(made, tmp_path_factory.mktemp("room"))
 
 
+@pytest.fixture(scope="module")
+def honest(room):
+    """The run without any fault."""
+    return run(ts.read(room[1]))
+
+
 def errors_of(map, room):
     """Position errors of robots and of tags, after one rigid alignment of all tags."""
     values = map.all_values
@@ -51,21 +57,43 @@ def test_two_robots_with_cubes_find_each_other_and_the_tags(room, method):
     assert np.sqrt(np.mean(robots**2)) < 0.02 and np.sqrt(np.mean(tags**2)) < 0.02
 
 
-def test_a_number_on_two_walls_does_not_spoil_the_map(room, tmp_path):
+def test_a_number_on_two_walls_does_not_spoil_the_map(room, honest, tmp_path):
     """Tag 2 has the number of 0, on the wall opposite: it is told, and robots are where they are without the fault."""
-    truth, team = room
+    truth, _ = room
     log = ts.read(tagged_room.write(replace(truth, called={2: 0}), tmp_path))
     told = [note for note in log.notes if "stands at 2 places" in note]
     assert [note.split(" stands")[0] for note in told] == ["robot robot0: tag 0", "robot robot1: tag 0"]
-    result, honest = run(log), run(ts.read(team))
+    result = run(log)
     assert result.verdict.level in ("fits", "loose")
     for robot in (1, 2):
-        keys = pose_key(robot, truth.ticks_ns // 1000)
-        one, other = (r.map.all_values for r in (result, honest))
-        keys = keys[one.layout.contains(keys) & other.layout.contains(keys)]
-        a, b = one.positions(keys, 2), other.positions(keys, 2)
-        off = np.linalg.norm(align(a, b).pose.act(a) - b, axis=1)
-        assert len(keys) > 50 and off.max() < 0.01  # sigmas are of millimetres
+        off = _beside(result, honest, truth, robot)
+        assert len(off) > 50 and off.max() < 0.01  # sigmas are of millimetres
+
+
+def test_a_tag_that_was_carried_to_another_wall_is_two_landmarks(room, honest, tmp_path):
+    """By half a metre, which dead reckoning does not tell: it is said, nobody is suspected, and robots are where they
+    are without it."""
+    truth, _ = room
+    rotation, place = truth.walls[0]
+    moved = replace(truth, moved={0: (60, (rotation, place + rotation @ [0.5, 0.0, 0.0]))})
+    result = run(ts.read(tagged_room.write(moved, tmp_path)))
+    (cause,) = result.apart
+    assert cause.kind == "landmark" and "landmark 0 was moved by 0.50 m at about 2" in cause.sentence
+    assert result.verdict.level == "fits" and not result.verdict.causes
+    assert not [*result.suspicions.sentences()]
+    assert {"0 at place 1", "0 at place 2"} < {*result.landmarks.names} and "0" not in {*result.landmarks.names}
+    for robot in (1, 2):
+        off = _beside(result, honest, truth, robot)
+        assert len(off) > 50 and np.sqrt(np.mean(off**2)) < 0.02  # as above: the noise of the two is not the same
+
+
+def _beside(one, other, truth, robot):
+    """How far a robot is from where another run has it."""
+    keys = pose_key(robot, truth.ticks_ns // 1000)
+    maps = [r.map.all_values for r in (one, other)]
+    keys = keys[maps[0].layout.contains(keys) & maps[1].layout.contains(keys)]
+    a, b = (values.positions(keys, 2) for values in maps)
+    return np.linalg.norm(align(a, b).pose.act(a) - b, axis=1)
 
 
 def test_a_building_by_one_robot_against_its_survey(data, tmp_path):

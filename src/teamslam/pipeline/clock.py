@@ -47,7 +47,8 @@ class Clock:
     def stop(self) -> dict[str, float]:
         """End the last stage; the seconds of all."""
         if self._stage:
-            self._seconds[self._stage] = time.perf_counter() - self._began
+            spent = time.perf_counter() - self._began  # a stage may come again
+            self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + spent
             self._progress(self._stage, self._of or 1, self._of or 1)
             self._stage = ""
         return dict(self._seconds)

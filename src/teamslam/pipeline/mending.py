@@ -5,12 +5,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from teamslam.config import Config
+from teamslam.errors import SolveError
 from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
 from teamslam.metrics import Late, late_truth
 from teamslam.model import Dataset, Submap, index_of
 from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
-from teamslam.trust import Decisions, Suspicions, has_mistakes, mended, suspicions, wrong_sightings
+from teamslam.pipeline.renamed import Renamed
+from teamslam.trust import (
+    Cause,
+    Decisions,
+    Suspicions,
+    mended,
+    mistakes,
+    suspected_beside,
+    suspicions,
+    wrong_sightings,
+)
 from teamslam.trust.calibration import Calibration, as_stated, calibrate
 from teamslam.trust.unknowns import Settled, settled, with_unknowns
 
@@ -60,19 +71,42 @@ def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisi
         log = decisions.kept(log)
     if config.trust.repair:
         clock.start("what lies")
-        suspected = suspicions(log, submaps_of(log, config))
-        log = mended(log, suspected)
+        suspected = _who_lies(log, submaps_of(log, config), config)
+        log = log if suspected is None else mended(log, suspected)
     return log, decisions, suspected
 
 
-def calibrated(log: Dataset, joined: Joined, at: Sequence[AtMap]) -> Calibration | None:
+def _who_lies(log: Dataset, submaps: Sequence[Submap], config: Config) -> Suspicions | None:
+    """Who and what lies, beside the mistakes that explain a misfit."""
+    try:
+        joined = join(submaps, options=config.solver)
+    except SolveError:
+        return suspicions(log, submaps)
+    wrong = mistakes(log, joined, [AtMap(log.tables, component.map) for component in joined.components])
+    return suspected_beside(wrong, log, submaps, joined)
+
+
+def calibrated(at: Sequence[AtMap], wrong: Sequence[Cause]) -> Calibration | None:
     """What is wrong with the noise of a log. None where the noise is left as stated: where no map is looked at (see
-    `as_stated`), and where what is wrong is no noise, but the map, or a mistake in the log, such as degrees for
+    `as_stated`), and where what is `wrong` is no noise, but the map, or a mistake in the log, such as degrees for
     radians; the verdict on the fit tells these, and they are for people to put right."""
     if all(as_stated(part) for part in at):
         return None
     found = calibrate(at)
-    return None if found and (found.wild or has_mistakes(log, joined, at)) else found
+    return None if found and (found.wild or wrong) else found
+
+
+def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, tuple[Cause, ...]]:
+    """A log with landmarks that were moved, or of which two carry one name, as two landmarks each, where such are among
+    what is `wrong`; and which those are. What it rests on reads so, too."""
+    found = tuple(cause for cause in wrong if cause.kind == "landmark" and cause.mend is not None)
+    for cause in found:
+        assert cause.mend is not None
+        mended = cause.mend(dataset)
+        if dataset.unknowns is not None:
+            mended = replace(mended, unknowns=Renamed(dataset.unknowns, cause.mend, mended))
+        dataset = mended
+    return dataset, found
 
 
 def once_more(

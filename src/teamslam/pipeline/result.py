@@ -10,7 +10,7 @@ from teamslam.joining import Cost, Joined
 from teamslam.metrics import Late, Report
 from teamslam.model import Dataset, Submap, Values
 from teamslam.solver import Covariances
-from teamslam.trust import Assessment, Decisions, Suspicions, Verdict, sentence
+from teamslam.trust import Assessment, Cause, Decisions, Suspicions, Verdict, sentence
 from teamslam.trust.calibration import Calibration
 from teamslam.trust.unknowns import Settled
 
@@ -25,7 +25,8 @@ class Result(Answers):
     wrong and left out, where that was asked for; `calibration` what was wrong with the model of the data, and was put
     right; it is false where nothing was, None where the noise was taken as stated. `unknowns` is what the log rests on
     and nobody measured, clocks and cameras, and what was found of it; None where there is nothing uncertain.
-    `truth_late` is by how much the truth of robots was late, and was matched so.
+    `truth_late` is by how much the truth of robots was late, and was matched so. `apart` are the landmarks that were
+    moved, or of which two carry one name: each is two in the map and in `dataset`.
     """
 
     config: Config
@@ -41,6 +42,7 @@ class Result(Answers):
     calibration: Calibration | None = None
     unknowns: Settled | None = None
     truth_late: Mapping[int, Late] = field(default_factory=dict)
+    apart: tuple[Cause, ...] = ()
 
     @property
     def map(self) -> Submap:

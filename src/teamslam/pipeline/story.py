@@ -3,6 +3,7 @@
 clocks and cameras of recordings, estimated with a map
 -> landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
+-> landmarks that were moved, as two each, and all of this again
 -> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
 -> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
 """
@@ -18,14 +19,23 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
-from teamslam.pipeline.mending import calibrated, carrying_unknowns, cleared, in_time, once_more, settled_by
+from teamslam.pipeline.mending import (
+    calibrated,
+    carrying_unknowns,
+    cleared,
+    in_their_places,
+    in_time,
+    once_more,
+    settled_by,
+)
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
 from teamslam.solver import Covariances, meanwhile
-from teamslam.trust import assess, explained, suspicions, with_plain_reasons
+from teamslam.trust import Cause, assess, explained, mistakes, suspicions, with_plain_reasons
 from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
+MOST_APART = 20  # landmarks that are put in two places: of more, names say nothing
 
 
 def run(
@@ -51,6 +61,13 @@ def run(
     if any(is_unnamed(table.keys).any() for table in dataset.tables):
         clock.start("landmarks without names")
         dataset = associate(dataset).dataset
+    return _told(dataset, config, clock, workers, work, ())
+
+
+def _told(
+    dataset: Dataset, config: Config, clock: Clock, workers: Workers | None, work: Path | None, apart: tuple[Cause, ...]
+) -> Result:
+    """The story of a log whose landmarks have names; `apart`: those that are in two places, found by the map before."""
     found = settled_by(dataset, config, clock)
     dataset = dataset if found is None else found.log
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
@@ -62,10 +79,16 @@ def run(
     except SolveError as error:
         raise explained(error, log) from None
     at = _at(log, joined)
-    calibration = None
+    calibration, wrong = None, None
+    if workers is None and len(apart) < MOST_APART:
+        clock.start("landmarks that were moved")
+        wrong = mistakes(log, joined, at)
+        again, moved = in_their_places(dataset, wrong)
+        if moved:
+            return _told(again, config, clock, workers, work, (*apart, *moved))
     if config.calibrate and workers is None:
         clock.start("calibration")
-        calibration = calibrated(log, joined, at)
+        calibration = calibrated(at, mistakes(log, joined, at) if wrong is None else wrong)
     suspects = not config.join.exact and workers is None
     if calibration:
         if suspected is None and suspects and submaps:  # who lies is told before his errors are put right
@@ -97,7 +120,7 @@ def run(
         raise explained(error, log) from None
     return Result(
         config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(),
-        decisions, calibration, found, late,
+        decisions, calibration, found, late, apart,
     )  # fmt: skip
 
 

@@ -21,6 +21,9 @@ Its fields:
                                    landmarks and stretches of time cost too much; `sensors`, the same of every sensor of
                                    every robot; `noise`, how large the residuals of each part of a measurement are
                                    beside its standard deviation (`scale`), and the share of outliers
+    apart                          landmarks that were moved, or of which two carry one name, and that are two in the
+                                   map: each with its `sentence`, what it `explains` of the excess, and the `robots`
+                                   that saw it
     calibration                    what the data showed to be wrong with their model, and what was put right before the
                                    map was made again: `sentences`; `systematic` errors, each with `value`, `sigma` and
                                    `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang
@@ -97,10 +100,10 @@ import numpy as np
 
 from teamslam.joining import Component, Cost
 from teamslam.metrics import Report, told_of
-from teamslam.model import Dataset, LeftOut, index_of, is_landmark, robot_of
+from teamslam.model import Dataset, LeftOut, Names, index_of, is_landmark, robot_of
 from teamslam.pipeline import Result
 from teamslam.results.suspects import suspicions_of, wrong_of
-from teamslam.trust import Verdict, sentence
+from teamslam.trust import Cause, Verdict, sentence
 from teamslam.trust.calibration import sentences
 from teamslam.trust.unknowns import sentences_of
 from teamslam.trust.weak import Direction, Weak
@@ -132,6 +135,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "numbers_measured": dataset.dof,
         "numbers_used": _total(parts, "numbers_used"),
         "fit": _fit(result.verdict),
+        "apart": [_cause(cause, dataset.names) for cause in result.apart],
         "calibration": _calibration(result),
         "estimated": _estimated(result),
         "truth_late": [
@@ -253,11 +257,16 @@ def _fit(found: Verdict) -> dict[str, Any]:
         "chi2": found.chi2,
         "dof": found.dof,
         "decrease": found.decrease,
-        "causes": [{**asdict(cause), "robots": [names.robot(r) for r in cause.robots]} for cause in found.causes],
+        "causes": [_cause(cause, names) for cause in found.causes],
         "carriers": [{**asdict(share), "ratio": share.ratio} for share in found.carriers],
         "sensors": [{**asdict(share), "ratio": share.ratio} for share in found.sensors],
         "noise": [{**asdict(noise), "robot": names.robot(noise.robot)} for noise in found.noise],
     }
+
+
+def _cause(cause: Cause, names: Names) -> dict[str, Any]:
+    told = {field: getattr(cause, field) for field in ("kind", "sentence", "explains")}
+    return {**told, "robots": [names.robot(robot) for robot in cause.robots]}
 
 
 def _calibration(result: Result) -> dict[str, Any] | None:

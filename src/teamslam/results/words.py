@@ -21,6 +21,7 @@ def outcome(report: Report) -> Rows:
         *(("left out", _lost(lost)) for lost in report.get("left_out", [])),
         *(("remark", sentence) for sentence in report.get("remarks", [])),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
+        *(("put right", f"{cause['sentence']}: each of its places is a landmark") for cause in report.get("apart", ())),
         *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
         *(("estimated", sentence) for sentence in (report.get("estimated") or {}).get("sentences", ())),
         *(("truth", _late(late)) for late in report.get("truth_late", ())),

@@ -1,9 +1,9 @@
 """Whether results are to be believed: what maps and logs show of it, as data."""
 
-from teamslam.trust.assessment import Assessment, assess
+from teamslam.trust.assessment import Assessment, assess, suspected_beside
 from teamslam.trust.carriers import Share
 from teamslam.trust.cause import Cause
-from teamslam.trust.fit import Verdict, explained, has_mistakes, unknown, verdict, with_plain_reasons
+from teamslam.trust.fit import Verdict, explained, mistakes, unknown, verdict, with_plain_reasons
 from teamslam.trust.noise import Noise
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
 from teamslam.trust.outliers.words import sentences_on_sightings
@@ -23,10 +23,11 @@ __all__ = [
     "Verdict",
     "assess",
     "explained",
-    "has_mistakes",
     "mended",
+    "mistakes",
     "sentence",
     "sentences_on_sightings",
+    "suspected_beside",
     "suspicions",
     "unknown",
     "verdict",

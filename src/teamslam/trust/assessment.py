@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from teamslam.errors import SolveError
-from teamslam.joining import AtMap, Joined
+from teamslam.errors import SolveError, TeamslamError
+from teamslam.joining import AtMap, Joined, build, split
 from teamslam.model import Dataset, Submap, Table
 from teamslam.trust.cause import Cause
 from teamslam.trust.fit import Verdict, verdict
@@ -64,8 +64,8 @@ def assess(
 ) -> Assessment:
     """How far the map of a log is to be believed; `at`: the log at each component's map.
 
-    `submaps`: what it was joined of; without any (full least squares), and while the size of a tag is wrong, nobody is
-    suspected. `known`: suspicions that
+    `submaps`: what it was joined of; without any (full least squares) nobody is suspected. Who lies is judged by the
+    log without the mistakes that were found in it: what they explain speaks against nobody. `known`: suspicions that
     there were before the log was changed. `rejecting`: wrong sightings were left out of the log; where not,
     `probability` is that one is wrong (None: by the data). `stage` hears what is looked at next.
     """
@@ -77,12 +77,35 @@ def assess(
         wrong = looks_wrong(log, judged.rows, fits=fits, probability=probability)
         judged = _told_by(judged, wrong)
     suspected = known
-    sized = any(cause.kind == "size" for cause in judged.causes)  # of such a tag each robot has another place
-    if known is None and submaps and not sized:
+    if known is None and submaps:
         stage("suspicions")
-        suspected = suspicions(log, submaps, joined)
+        suspected = suspected_beside(judged.causes, log, submaps, joined)
     stage("weak directions")
     return Assessment(judged, suspected, tuple(map(_weak, at)), tuple(each.tables for each in at), wrong)
+
+
+def suspected_beside(
+    causes: Sequence[Cause], log: Dataset, submaps: Sequence[Submap], joined: Joined
+) -> Suspicions | None:
+    """Who and what is suspicious beside causes that explain a misfit: each that can be taken out of the log is, and the
+    rest is judged. Nobody is accused of what may be left of his own cause, and that nobody can say who is wrong is not
+    said: somebody could. None where nothing can be made of the rest."""
+    mends = [cause.mend for cause in causes if cause.mend is not None]
+    if not mends:
+        return suspicions(log, submaps, joined)
+    try:
+        for mend in mends:
+            log = mend(log)
+        found = suspicions(log, [build(piece) for piece in split(log)])
+    except TeamslamError:
+        return None
+    named = {robot for cause in causes if cause.kind not in ("landmark", "size") for robot in cause.robots}
+    return replace(
+        found,
+        labels=tuple(label for label in found.labels if label.change.robot not in named),
+        mistaken=tuple(each for each in found.mistaken if each.by not in named),
+        judgement=found.judgement if set(found.liars) - named else None,
+    )
 
 
 def _told_by(judged: Verdict, wrong: Wrong) -> Verdict:

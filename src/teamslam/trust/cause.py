@@ -1,6 +1,9 @@
 """What a misfit looks like, in words."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from teamslam.model import Dataset
 
 MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "landmark", "size")
 """The kinds of causes that are mistakes in a log; others ('sigma', 'outliers') are noise that was stated wrongly."""
@@ -9,12 +12,14 @@ MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "landmark",
 @dataclass(frozen=True)
 class Cause:
     """A sentence that a test on the data itself has found true, and the share of the excess cost that it `explains`
-    where it was tested. `robots` are those concerned; `kind` is what it is called in scripts."""
+    where it was tested. `robots` are those concerned; `kind` is what it is called in scripts. `mend` takes it
+    out of the log that it was found in; None where that is left to those who seek names that lie (`labels`)."""
 
     kind: str
     sentence: str
     explains: float
     robots: tuple[int, ...] = ()
+    mend: Callable[[Dataset], Dataset] | None = field(default=None, compare=False, repr=False)
 
     @property
     def is_mistake(self) -> bool:

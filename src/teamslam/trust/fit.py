@@ -115,15 +115,15 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
     return _judged(dataset, joined, parts, rows, dof)
 
 
-def has_mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> bool:
-    """Whether a log holds a mistake for which its map does not fit. Looked for only where a sensor costs more than all
-    its numbers should."""
+def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cause, ...]:
+    """The mistakes in a log for which its map does not fit. Looked for only where a sensor costs more than all its
+    numbers should."""
     costly = any(
         table.loss.cost(np.sum(part.gap.system.whitened(place, part.values) ** 2, -1)).sum() > table.dof
         for part in at
         for place, table in enumerate(part.tables)
     )
-    return costly and any(cause.is_mistake for cause in verdict(dataset, joined, at).causes)
+    return tuple(c for c in verdict(dataset, joined, at).causes if c.is_mistake) if costly else ()
 
 
 def explained(error: SolveError, log: Dataset) -> SolveError:

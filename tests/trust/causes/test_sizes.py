@@ -20,7 +20,7 @@ def test_the_tag_of_another_size_is_named(seed, factor, tmp_path):
     team.write_text(text.replace("[tags]\n", f"[tags]\nsizes_m = {{ 3 = {factor * tagged_room.SIZE} }}\n", 1))
     result = ts.run(team)
     (cause,) = result.verdict.causes
-    assert result.suspicions is None  # nobody says that it was moved
+    assert not [*result.suspicions.sentences()]  # nobody says that it was moved, or that a robot lies
     assert cause.kind == "size" and cause.is_mistake and "the size of tag 3 is wrong" in cause.sentence
     assert float(cause.sentence.split()[-2]) == pytest.approx(tagged_room.SIZE, rel=0.02)
 
@@ -32,5 +32,7 @@ def test_a_number_that_stands_on_two_walls_is_no_wrong_size(one, other, tmp_path
     log = ts.read(team)
     first, second = (landmark_key(landmark_number(str(number))) for number in (one, other))
     twice = log.with_tables(replace(t, keys=np.where(t.keys == second, first, t.keys)) for t in log.tables)
-    found = ts.run(replace(twice, unknowns=None)).verdict
-    assert found.level in ("strained", "misfit") and not [cause for cause in found.causes if cause.kind == "size"]
+    result = ts.run(replace(twice, unknowns=None))
+    found = result.verdict
+    assert result.apart or found.level in ("strained", "misfit")
+    assert not [cause for cause in found.causes if cause.kind == "size"]

@@ -18,6 +18,7 @@ from teamslam.model import Dataset, Names, Submap, Table, Values, index_of, land
 from teamslam.model.keys import MAX_INDEX
 from teamslam.solver import Options, System, firm, optimise
 from teamslam.trust.cause import Cause
+from teamslam.trust.causes.apart import Apart
 from teamslam.trust.residuals import Rows, beside_median
 from teamslam.trust.tally import by_landmark
 
@@ -30,7 +31,7 @@ FAR = (
 )
 EXPLAINED = 0.5  # of the landmark's excess
 CUTS = 8  # of the time, to begin with
-ROUNDS = 10
+ROUNDS, AGAIN = 10, 3
 QUICK = Options(max_iterations=15, decrement=0.1)
 
 
@@ -71,9 +72,10 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows], *, all_of_it:
         mark = max(bad, key=lambda m: excess[m])
         tried.add(mark)
         split = _divided(tables, values, mark)
-        solved = _solved(split, values, tables, joined) if split is not None else None
-        if split is None or solved is None:
+        settled = _in_both(split, values, tables, joined) if split is not None else None
+        if settled is None:
             continue
+        split, solved = settled[0], settled[1:]
         gone = excess[mark] + expected[mark] - _cost(_of([mark, split.other], solved[1]), solved[0])
         if gone > EXPLAINED * excess[mark] and _apart(split, *solved):
             where = solved[0].positions(np.array([mark, split.other]), 3)
@@ -177,6 +179,44 @@ def _sizes(tables: Sequence[Table], values: Values) -> Array:
 # --- telling ----------------------------------------------------------------------------------------------------------
 
 
+def _in_both(
+    split: Split, values: Values, tables: Sequence[Table], joined: Submap
+) -> tuple[Split, Values, list[Table]] | None:
+    """The map with a landmark in both its places, and each row with the place that fits it better there: one that the
+    landmark bent no longer misleads them. None where that cannot be solved."""
+    found = None
+    for _ in range(AGAIN):
+        solved = _solved(split, values, tables, joined)
+        if solved is None:
+            return found
+        found = split, *solved
+        better = [_second(table, solved[0], split) for table in tables]
+        if all(np.array_equal(a, b) for a, b in zip(better, split.second, strict=True)):
+            break
+        if min(sum(int(np.count_nonzero(m)) for m in side) for side in _sides(tables, better, split.mark)) < FEWEST:
+            break
+        split = replace(split, second=tuple(better))
+    return found
+
+
+def _second(table: Table, values: Values, split: Split) -> BoolArray:
+    """Which rows of a table are of the landmark, and nearer to its second place."""
+    out = table.keys[:, -1] == split.mark
+    mine = table.select(out)
+    if len(mine):
+        one, other = (
+            mine.loss.cost(np.sum(t.whitened(values) ** 2, -1))
+            for t in (mine, _renamed(mine, np.ones(len(mine), bool), split.other))
+        )
+        out[out] = other < one
+    return np.asarray(out)
+
+
+def _sides(tables: Sequence[Table], second: Sequence[BoolArray], mark: int) -> tuple[list[BoolArray], list[BoolArray]]:
+    own = [table.keys[:, -1] == mark for table in tables]
+    return [o & ~s for o, s in zip(own, second, strict=True)], [o & s for o, s in zip(own, second, strict=True)]
+
+
 def _solved(split: Split, values: Values, tables: Sequence[Table], joined: Submap) -> tuple[Values, list[Table]] | None:
     """The map with a landmark in both its places, and the tables that name both; None where that cannot be solved."""
     renamed = [_renamed(table, second, split.other) for table, second in zip(tables, split.second, strict=True)]
@@ -235,5 +275,8 @@ def _in_words(split: Split, tables: Sequence[Table], names: Names, explains: flo
         moved = 0.5 * (min(first.max(), second.max()) + max(first.min(), second.min()))
         start = min(float(w.min()) for w in (names.stamps_s(t.keys[:, 0]) for t in tables if len(t)))
         moment = f"pose {moved:.0f}" if names.counts else f"{moved - start:.1f} s after the start"
-        return Cause("landmark", f"{mark} was moved by {apart} at about {moment}", explains, tuple(share))
-    return Cause("landmark", f"two landmarks {apart} apart are both called {mark}", explains, tuple(share))
+        said = f"{mark} was moved by {apart} at about {moment}"
+    else:
+        said = f"two landmarks {apart} apart are both called {mark}"
+    mend = Apart.of(split.mark, tables, split.second, earlier=bool(first.min() < second.min()))
+    return Cause("landmark", said, explains, tuple(share), mend)

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -137,7 +138,8 @@ def in_words(found: Sequence[Found], log: Dataset) -> Iterator[Cause]:
         before = f"{worst.before:,.0f}" if worst.before < 1e15 else "more than can be solved"
         sums = f"a stretch that costs {before} costs {worst.after:,.0f} without that ({worst.expected:,.0f} expected)"
         kind = same[0].alternatives[0].kind
-        yield Cause(kind, f"{', or '.join(said)}; {sums}", min(each.explains for each in same), robots)
+        explains, mend = min(each.explains for each in same), partial(_mended, found=same)
+        yield Cause(kind, f"{', or '.join(said)}; {sums}", explains, robots, mend)
 
 
 def _said(same: Sequence[Mistake], log: Dataset) -> str:

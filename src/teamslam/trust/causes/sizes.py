@@ -9,6 +9,7 @@ is stated: a join may be far from its best by itself.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -52,7 +53,8 @@ def wrong_sizes(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Caus
             said = (
                 f"the size of tag {tag} is wrong: {edge:.3f} m is stated, and it fits with {edge * np.exp(size):.3f} m"
             )
-            found.append(Cause("size", said, min(gone, 1.0), tuple(sorted(robots))))
+            mend = partial(_by_size, mark=mark, size=size)
+            found.append(Cause("size", said, min(gone, 1.0), tuple(sorted(robots)), mend))
     return found
 
 
@@ -99,6 +101,11 @@ def _solved(tables: Sequence[Table], values: Values, fixed: IntArray) -> tuple[S
 
 def _cost(tables: Sequence[Table], values: Values) -> float:
     return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in tables if len(t))
+
+
+def _by_size(log: Dataset, mark: int, size: float) -> Dataset:
+    """The log with a tag of another size."""
+    return log.with_tables(_resized(table, mark, size) for table in log.tables)
 
 
 def _resized(table: Table, mark: int, size: float) -> Table:
