@@ -29,6 +29,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.cli.console import complain
     from teamslam.cli.driving import Disks, Finished, Shown
     from teamslam.convoy import Driver
+    from teamslam.errors import InputError
     from teamslam.events import Events
     from teamslam.fleet import Member
     from teamslam.io.files.whole import whole_file
@@ -101,6 +102,8 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         written_anew(driver.member.rounds.maps, out / "exact")
     except OSError as error:
         disks.tell(maps=f"{error.filename or out}: {error.strerror}; the map is not written")
+    except InputError as error:  # a file that cannot be begun
+        disks.tell(maps=f"{error}; the map is not written")
     for trouble in (*memory.damaged, *left_out.values()):
         complain(trouble)
     if wrong:

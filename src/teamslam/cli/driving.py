@@ -100,6 +100,7 @@ class Finished:
 
     def add(self, submaps: "Sequence[Submap]" = ()) -> None:
         """Some more; and those that wait, once more."""
+        from teamslam.errors import InputError
         from teamslam.io.submaps.arrays import file_name, write_submap
 
         self._waiting += submaps
@@ -110,6 +111,8 @@ class Finished:
             self.trouble = ""
         except OSError as error:
             self.trouble = f"{error.filename or self._folder}: {error.strerror}; {len(self._waiting)} submaps wait"
+        except InputError as error:  # a file that cannot be begun
+            self.trouble = f"{error}; {len(self._waiting)} submaps wait"
 
 
 class Disks:
