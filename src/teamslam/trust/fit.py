@@ -117,12 +117,15 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
 
 def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cause, ...]:
     """The mistakes in a log for which its map does not fit. Looked for only where a sensor costs more than all its
-    numbers should."""
-    costly = any(
-        table.loss.cost(np.sum(part.gap.system.whitened(place, part.values) ** 2, -1)).sum() > table.dof
-        for part in at
-        for place, table in enumerate(part.tables)
-    )
+    numbers should; none are known of a map that its rows do not determine."""
+    try:
+        costly = any(
+            table.loss.cost(np.sum(part.gap.system.whitened(place, part.values) ** 2, -1)).sum() > table.dof
+            for part in at
+            for place, table in enumerate(part.tables)
+        )
+    except SolveError:
+        return ()
     return tuple(c for c in verdict(dataset, joined, at).causes if c.is_mistake) if costly else ()
 
 

@@ -16,7 +16,7 @@ from teamslam.model import Submap
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 
-Within = dict[str, tuple[str, ...]]  # the submaps that a map was joined of, by its id
+Within = dict[str, Component]  # the maps that were joined on the way, by their ids, as of the submaps that went in
 
 
 def join_sequentially(submaps: Iterable[Submap], *, options: Options = DEFAULTS) -> Joined:
@@ -24,14 +24,14 @@ def join_sequentially(submaps: Iterable[Submap], *, options: Options = DEFAULTS)
     parts, within = list[Submap](), Within()
     for submap in submaps:
         parts = [*_so_far(parts, options, within), submap]
-    return _named(join(parts, options=options), within)
+    return _whole(join(parts, options=options), within)
 
 
 def join_by_tree(submaps: Iterable[Submap], *, options: Options = DEFAULTS) -> Joined:
     """By a binary tree over the submaps in the order of robot and time: neighbours first, so that each join has a good
     start, and log n levels. Raises as `join` does."""
     within = Within()
-    return _named(join(_merge(in_order(submaps), options, within), options=options), within)
+    return _whole(join(_merge(in_order(submaps), options, within), options=options), within)
 
 
 def _merge(submaps: Sequence[Submap], options: Options, within: Within) -> list[Submap]:
@@ -50,17 +50,21 @@ def _so_far(submaps: Sequence[Submap], options: Options, within: Within) -> list
         components = join(submaps, options=options).components
     except SolveError:
         return list(submaps)
-    within |= {component.map.id: _members(component, within) for component in components}
+    within |= {component.map.id: _named(component, within) for component in components}
     return [component.map for component in components]
 
 
-def _named(joined: Joined, within: Within) -> Joined:
+def _whole(joined: Joined, within: Within) -> Joined:
     """A join of maps, by the submaps that these were joined of."""
-    return replace(joined, components=tuple(replace(c, members=_members(c, within)) for c in joined.components))
+    return replace(joined, components=tuple(_named(component, within) for component in joined.components))
 
 
-def _members(component: Component, within: Within) -> tuple[str, ...]:
-    return tuple(sorted(id_ for part in component.members for id_ in within.get(part, (part,))))
+def _named(component: Component, within: Within) -> Component:
+    """A component by the submaps that went in; a map that was left alone is as it was joined before."""
+    if component.solution is None and component.map.id in within:
+        return within[component.map.id]
+    parts = (within[name].members if name in within else (name,) for name in component.members)
+    return replace(component, members=tuple(sorted(name for part in parts for name in part)))
 
 
 ORDERS: dict[str, Callable[..., Joined]] = {
