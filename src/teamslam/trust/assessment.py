@@ -18,7 +18,7 @@ from teamslam.joining import AtMap, Joined, build, split
 from teamslam.model import Dataset, Submap, Table
 from teamslam.trust.cause import Cause
 from teamslam.trust.fit import Verdict, verdict
-from teamslam.trust.outliers.glance import Wrong, looks_wrong
+from teamslam.trust.outliers.glance import Wrong, fits_of, looks_wrong
 from teamslam.trust.outliers.words import LARGER
 from teamslam.trust.suspicions import Suspicions, suspicions
 from teamslam.trust.weak import Weak, knowledge_at, weakest_of
@@ -80,6 +80,8 @@ def assess(
     if known is None and submaps:
         stage("suspicions")
         suspected = suspected_beside(judged.causes, log, submaps, joined)
+        if suspected is not None and wrong is not None and not judged.gross:
+            suspected = suspected.beside(fits_of(wrong.glance), submaps)
     stage("weak directions")
     return Assessment(judged, suspected, tuple(map(_weak, at)), tuple(each.tables for each in at), wrong)
 

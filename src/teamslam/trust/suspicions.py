@@ -5,7 +5,7 @@ judgement    the robots that contradict the others once these are put right
 mended       the log without either: names as they should be, and nothing of a robot that lies
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,9 @@ from teamslam.joining import Joined, build, join, separators, split
 from teamslam.joining.condense.condense import condense_what_pays
 from teamslam.model import Dataset, Names, Submap, Table, index_of, is_landmark, is_pose, robot_of
 from teamslam.solver import Options, side_by_side
-from teamslam.trust.influence.liars import Judgement, anybody_could_lie, liars
+from teamslam.trust.evidence import Fit
+from teamslam.trust.influence.alone import alone, self_contradicting
+from teamslam.trust.influence.liars import LEVEL, Judgement, anybody_could_lie, liars, robot
 from teamslam.trust.influence.words import sentences_on_robots
 from teamslam.trust.labels.changes import Change
 from teamslam.trust.labels.constellations import renamed
@@ -41,6 +43,16 @@ class Suspicions:
     def liars(self) -> tuple[int, ...]:
         """The robots that lie."""
         return () if self.judgement is None else tuple(int(str(robot)) for robot in self.judgement.accused)
+
+    def beside(self, wrong: Mapping[int, Fit], submaps: Sequence[Submap]) -> "Suspicions":
+        """Without robots whose own measurements contradict each other in nothing but what looks `wrong` of them one by
+        one: what that costs, by robot."""
+        if self.judgement is None or not self.judgement.themselves or not wrong:
+            return self
+        own = {name: fit.minus(wrong.get(int(str(name)), Fit(0.0, 0))) for name, fit in alone(submaps, robot).items()}
+        still = self_contradicting(own, LEVEL)
+        left = {name: chance for name, chance in self.judgement.themselves.items() if name in still}
+        return replace(self, judgement=replace(self.judgement, themselves=left))
 
     def sentences(self) -> Iterator[str]:
         """All of it in words."""

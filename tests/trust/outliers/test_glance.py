@@ -1,8 +1,11 @@
 """Sightings that look wrong are told by every run, and found where the map does not fit; right ones are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from teamslam.model import Loss
 from teamslam.pipeline import run
 from teamslam.results import Record
 from teamslam.results.words import outcome
@@ -41,6 +44,27 @@ def test_a_default_run_finds_which_are_wrong_and_leaves_them(share: float) -> No
     assert [cause["kind"] for cause in report["fit"]["causes"]] == ["outliers"]
 
 
+@pytest.mark.parametrize("space", ["2d", "planar", "3d"])
+@pytest.mark.parametrize("seed", range(4))
+def test_numbers_that_were_misread_are_named_and_nobody_is_suspected_for_them(space: str, seed: int) -> None:
+    """One to three sightings of one robot bear the number of another landmark that it knows, under a loss that
+    forgives, as images of tags have it: what is said is said of them."""
+    log = simulate(Options(space=space, robots=3), 100 + seed)
+    forgiving = (t if t.source == "odometry" else replace(t, loss=Loss("cauchy", 3.0)) for t in log.tables)
+    log = log.with_tables(forgiving)
+    table = next(t for t in log.tables if t.source == "landmarks" and t.robot == 1 + seed % 3)
+    rng = np.random.default_rng(seed)
+    rows, keys = rng.choice(len(table), 1 + seed % 3, replace=False), table.keys.copy()
+    for row in rows.tolist():
+        known = [key for key in log.landmark_keys if np.sum(table.keys[:, 1] == key) > 3]
+        keys[row, 1] = rng.choice(np.setdiff1d(known, table.keys[table.keys[:, 0] == table.keys[row, 0], 1]))
+    result = run(log.with_tables([replace(t, keys=keys) if t is table else t for t in log.tables]))
+    told = "; ".join(result.trust.wrong.sentences())
+    for row in rows.tolist():
+        assert " from ".join(log.names.describe(int(key)) for key in keys[row, ::-1]) in told
+    assert list(result.trust.suspicions.sentences()) == []
+
+
 def test_a_few_that_look_wrong_where_the_map_fits_are_counted() -> None:
     """A single row far off: a glance is enough, and nothing is searched for."""
     log = log_with(0.0)
@@ -56,6 +80,4 @@ def test_a_few_that_look_wrong_where_the_map_fits_are_counted() -> None:
 
 
 def _with_values(table, values: np.ndarray):
-    from dataclasses import replace
-
     return replace(table, values=values)

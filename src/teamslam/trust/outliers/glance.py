@@ -7,28 +7,34 @@ which are wrong, with the map made anew.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from teamslam.errors import TeamslamError
-from teamslam.model import Dataset, Names
+from teamslam.model import Dataset, Names, Table
 from teamslam.trust.cause import rows_called
+from teamslam.trust.evidence import Fit
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
 from teamslam.trust.outliers.gates import gates, noise_of, share_wrong
 from teamslam.trust.outliers.words import sentences_on_sightings
 from teamslam.trust.residuals import Rows
 
 ROUNDS = 3
+NAMED = 3  # rows of a sensor that look wrong: so few are named one by one
 LONG = 20_000  # sightings of a log that are looked at once only
 
 
 @dataclass(frozen=True)
 class Glance:
-    """Of so many `rows` of one sensor of a robot, so many look `wrong`."""
+    """Of so many `rows` of one sensor of a robot, so many look `wrong`: `which`, and what they `cost` at the map."""
 
     robot: int
     source: str
     rows: int
     wrong: int
+    which: Table = field(compare=False, repr=False)
+    cost: float = field(compare=False, repr=False)
 
 
 def at_a_glance(residuals: Sequence[Rows]) -> tuple[Glance, ...]:
@@ -41,20 +47,34 @@ def at_a_glance(residuals: Sequence[Rows]) -> tuple[Glance, ...]:
 
 
 def _of(rows: Rows) -> Glance:
-    table, wrong = rows.table, 0
+    table, wrong, beyond = rows.table, 0, np.zeros(len(rows.table), bool)
     for _ in range(ROUNDS):
         share = share_wrong(wrong, len(table))
         limits = gates(table, share, noise_of(rows.squared, rows.numbers, wrong / max(len(table), 1)))
-        before, wrong = wrong, int((rows.squared > limits).sum())
+        beyond = rows.squared > limits
+        before, wrong = wrong, int(beyond.sum())
         if wrong == before:
             break
-    return Glance(table.robot, table.source, len(table), wrong)
+    return Glance(table.robot, table.source, len(table), wrong, table.select(beyond), float(rows.cost[beyond].sum()))
 
 
 def sentences_at_a_glance(found: Sequence[Glance], names: Names) -> Iterator[str]:
-    """How many sightings of each sensor look wrong, the largest share first."""
+    """How many sightings of each sensor look wrong, the largest share first; which, where they are few."""
     for glance in sorted(found, key=lambda glance: (-glance.wrong / glance.rows, glance.robot)):
-        yield f"{glance.wrong:,} of {glance.rows:,} {rows_called(glance.source)} of robot {names.robot(glance.robot)}"
+        counted = (
+            f"{glance.wrong:,} of {glance.rows:,} {rows_called(glance.source)} of robot {names.robot(glance.robot)}"
+        )
+        seen = (" from ".join(names.describe(key) for key in keys[::-1]) for keys in glance.which.keys.tolist())
+        yield counted + (f" ({'; '.join(seen)})" if glance.wrong <= NAMED else "")
+
+
+def fits_of(found: Sequence[Glance]) -> dict[int, Fit]:
+    """By robot, what its rows that look wrong cost, and how many numbers they are."""
+    fits: dict[int, Fit] = {}
+    for glance in found:
+        held = fits.get(glance.robot, Fit(0.0, 0))
+        fits[glance.robot] = Fit(held.cost + glance.cost, held.dof + glance.which.dof)
+    return fits
 
 
 @dataclass(frozen=True, eq=False)
