@@ -79,16 +79,16 @@ def _told(
     except SolveError as error:
         raise explained(error, log) from None
     at = _at(log, joined)
-    calibration, wrong = None, None
-    if workers is None and len(apart) < MOST_APART:
+    calibration = None
+    if workers is None:
         clock.start("landmarks that were moved")
         wrong = mistakes(log, joined, at)
-        again, moved = in_their_places(dataset, wrong)
+        again, moved = in_their_places(dataset, wrong if len(apart) < MOST_APART else ())
         if moved:
             return _told(again, config, clock, workers, work, (*apart, *moved))
-    if config.calibrate and workers is None:
-        clock.start("calibration")
-        calibration = calibrated(at, mistakes(log, joined, at) if wrong is None else wrong)
+        if config.calibrate:
+            clock.start("calibration")
+            calibration = calibrated(at, wrong)
     suspects = not config.join.exact and workers is None
     if calibration:
         if suspected is None and suspects and submaps:  # who lies is told before his errors are put right

@@ -173,9 +173,7 @@ class Robot:
         if batch.time != ALWAYS and batch.time < self.settled:
             twice = self.newest if self._contradicted(batch) else self.twice
             return replace(self, counts=self.counts.with_more(late=len(batch.table)), twice=twice)
-        if (
-            self.twice != ALWAYS != batch.time and index_of(batch.earliest) <= self.twice
-        ):  # of which of two times, nobody knows
+        if self.twice != ALWAYS != batch.time and index_of(batch.earliest) <= self.twice:  # of which time, nobody knows
             return replace(self, counts=self.counts.with_more(late=len(batch.table)))
         if self.since is not None and batch.earliest >= self.since:  # as nearly always: what is closed is not touched
             return self._go_on(batch)

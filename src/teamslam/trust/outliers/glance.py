@@ -25,16 +25,20 @@ NAMED = 3  # rows of a sensor that look wrong: so few are named one by one
 LONG = 20_000  # sightings of a log that are looked at once only
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Glance:
-    """Of so many `rows` of one sensor of a robot, so many look `wrong`: `which`, and what they `cost` at the map."""
+    """Of so many `rows` of one sensor of a robot, those that look wrong: `which`, and what they `cost` at the map."""
 
     robot: int
     source: str
     rows: int
-    wrong: int
-    which: Table = field(compare=False, repr=False)
-    cost: float = field(compare=False, repr=False)
+    which: Table = field(repr=False)
+    cost: float
+
+    @property
+    def wrong(self) -> int:
+        """How many look wrong."""
+        return len(self.which)
 
 
 def at_a_glance(residuals: Sequence[Rows]) -> tuple[Glance, ...]:
@@ -55,7 +59,7 @@ def _of(rows: Rows) -> Glance:
         before, wrong = wrong, int(beyond.sum())
         if wrong == before:
             break
-    return Glance(table.robot, table.source, len(table), wrong, table.select(beyond), float(rows.cost[beyond].sum()))
+    return Glance(table.robot, table.source, len(table), table.select(beyond), float(rows.cost[beyond].sum()))
 
 
 def sentences_at_a_glance(found: Sequence[Glance], names: Names) -> Iterator[str]:
