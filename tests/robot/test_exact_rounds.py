@@ -141,6 +141,25 @@ def test_a_robot_that_never_answers_though_it_is_there_is_named() -> None:
     assert not members[1].rounds.busy
 
 
+def test_a_robot_that_answers_at_last_is_asked_again_after_a_rest() -> None:
+    """Links that were torn for long are no reason to have no exact map for ever; and rests grow, so that nobody is
+    asked all the time."""
+    air = Air(Weather(), 0)
+    members = parked(Habits(patience_s=1.0), air)
+    mute = members[3].rounds.attend
+    members[3].rounds.attend = lambda *_: []  # type: ignore[method-assign]
+    asked = []
+    for tick in range(200):
+        talk(air, members, tick, tick + 1)
+        if members[1].rounds.busy and members[1].rounds.accounts:
+            asked.append(tick)
+    first, second = (step for step in np.diff(asked) if step > 1)
+    assert second > 1.9 * first > 60.0
+    members[3].rounds.attend = mute  # type: ignore[method-assign]
+    talk(air, members, 200, 400)
+    assert all(account(member).exactness is not None and not account(member).why for member in members.values())
+
+
 def test_parts_that_nothing_ties_together_have_rounds_of_their_own() -> None:
     """Each is led by its own lowest robot, and ends at its own full least squares."""
     apart = replace(LOG, tables=tuple(_apart(LOG)))

@@ -28,6 +28,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.beside import Beside
     from teamslam.cli.console import complain
     from teamslam.cli.driving import Disks, Finished, Shown
+    from teamslam.cli.lasting import lasting
     from teamslam.convoy import Driver
     from teamslam.errors import InputError
     from teamslam.events import Events
@@ -73,7 +74,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             events.changed(said)
             try:
                 with whole_file(out / "status.json") as file:
-                    file.write(json.dumps(said, indent=1).encode())
+                    file.write(status_bytes(said))
                 disks.tell(status="")
             except OSError as error:  # it maps on
                 disks.tell(status=f"{error.filename}: {error.strerror}")
@@ -91,6 +92,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         peer = peer.recalling(memory.bodies)
         member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside)), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
+        stack.enter_context(lasting())
         whole = driver.drive(source.rows(start, memory, heard), duty.speed)
     finished = Finished(out / "submaps")
     finished.add(driver.member.mapper.atlas.submaps)
@@ -171,6 +173,14 @@ def convoy(
             process.send_signal(signal.SIGTERM)
         for process in processes.values():
             process.wait(timeout=60.0)
+
+
+def status_bytes(said: dict[str, Any]) -> bytes:
+    """What a robot says of itself as JSON that people can read. It leaves no circles of objects behind, as Python's own
+    writer does: it is written twice a second for as long as the robot is there."""
+    import msgspec
+
+    return msgspec.json.format(msgspec.json.encode(said), indent=1)
 
 
 def status_of(folder: Path) -> dict[str, Any]:

@@ -143,6 +143,7 @@ def alone(duty: "Duty", source: Source) -> int:
     """A robot that drives alone, until its rows end."""
     from teamslam.beside import Beside
     from teamslam.cli.console import complain, say
+    from teamslam.cli.lasting import lasting
     from teamslam.events import Events
     from teamslam.live import begun, drive, paced
     from teamslam.results.poses import PoseFile
@@ -168,6 +169,7 @@ def alone(duty: "Duty", source: Source) -> int:
         PoseFile(out / "poses.csv", log.names, log.robots[number]) as poses,
         Beside(shown=duty.view is not None) if duty.in_real_time else nullcontext() as beside,
         closing(Shown(duty.view, beside)) as shown,
+        lasting(),
     ):
         memory = journal.recall()
         start = begun(log, number, duty.steps, memory)

@@ -22,7 +22,8 @@ from teamslam.robot.rounds.result import Result
 from teamslam.robot.rounds.said import exactness_of
 from teamslam.robot.rounds.stage import Stage, robots_of
 
-ATTEMPTS, LONG = 3, 10  # of rounds on one set; patiences that an answer is waited for
+ATTEMPTS, LONG = 3, 10  # of rounds, one after another; patiences that an answer is waited for
+RESTS = 4  # such waits before one attempt more, and twice as long after each
 
 Heard = Sequence[tuple[int, Packet]]
 Out = list[tuple[int, Packet]]
@@ -50,6 +51,7 @@ class Course:
         self._component, self._by_id, self._since_s = component, by_id, now_s
         self._side: Leader | Follower | None = None
         self._attempt = self._tries = 0
+        self._rests_until_s = -1e300
         self._result: Result | None = None
         self.why, self.busy, self._given_up = "", False, False
 
@@ -111,7 +113,7 @@ class Course:
 
     def _lead(self, now_s: float, peer: Peer, robot: Robot, heard: Heard, others: Sequence[int]) -> Out:
         back = self._result is None or not set(self._result.end.as_sent).isdisjoint(others)
-        if self._given_up or not back:
+        if self._given_up or not back or now_s < self._rests_until_s:
             self.busy = False
             return []
         self.busy = True
@@ -128,11 +130,11 @@ class Course:
             return []
         if (newest := max((p.attempt for _, p in answers), default=0)) > side.attempt:  # asked before it was killed
             self._attempt = newest
-            return self._anew(now_s, f"robot {answers[0][0]} knows of a later attempt")
+            return self._anew(now_s, peer, f"robot {answers[0][0]} knows of a later attempt")
         if side.n != before:
             return self._asking(side, side.others)
         if now_s - side.asked_s > LONG * peer.habits.patience_s:
-            return self._anew(now_s, f"robot {side.silent[0]} did not answer question {side.n}")
+            return self._anew(now_s, peer, f"robot {side.silent[0]} did not answer question {side.n}")
         if now_s - side.said_s >= peer.habits.patience_s:
             side.said_s = now_s
             return self._asking(side, side.silent)
@@ -161,10 +163,13 @@ class Course:
         side.begin(now_s)
         return self._asking(side, others)
 
-    def _anew(self, now_s: float, why: str) -> Out:
-        """The attempt has failed; there is another, if there were not too many."""
+    def _anew(self, now_s: float, peer: Peer, why: str) -> Out:
+        """The attempt has failed; there is another, and where there were many, after a rest."""
         self._side, self._since_s = None, now_s
-        return self._give_up(f"{why}, in {ATTEMPTS} attempts") if self._tries >= ATTEMPTS else []
+        if self._tries >= ATTEMPTS:
+            self.why, self.busy = f"{why}, in {self._tries} attempts", False
+            self._rests_until_s = now_s + LONG * peer.habits.patience_s * RESTS * 2 ** (self._tries - ATTEMPTS)
+        return []
 
     def _asking(self, side: Leader, robots: Sequence[int]) -> Out:
         question = Question(self.root, self.number, side.attempt, side.n, side.asked)
