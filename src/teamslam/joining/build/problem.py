@@ -16,6 +16,7 @@ from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
+from teamslam.joining.start.mirrored import turned
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
 from teamslam.model import (
@@ -36,6 +37,7 @@ from teamslam.solver import Options, Solution, Step, System, firm, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
+TURNS = 4  # times that tags are turned, where turning some shows others
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,21 @@ class Problem:
             return [firm(self.system, optimise(self.system, start.only(keys), options, progress))]
         except SolveError:
             return []
+
+    def upright(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
+        """The optimum with no tag left the wrong way round (see `mirrored`): itself, where none is."""
+        for _ in range(TURNS):
+            other = turned(optimum.values, self.system.tables)
+            if other is None:
+                break
+            try:
+                found = firm(self.system, optimise(self.system, other, options, progress))
+            except SolveError:
+                break
+            if not (found.converged and found.cost < optimum.cost):
+                break
+            optimum = found
+        return optimum
 
     def undecided(self, optimum: Solution, options: Options) -> IntArray:
         """Landmarks that fit at two places, or that nothing holds where they came to lie: which place is right the team
