@@ -10,13 +10,16 @@ that lose a tenth of all packets:
     groups    the same field, but only the robots of a square of four reach each other: they never meet the others
 
 The exchange ends when all that can reach each other hold the same. Bytes are those that a robot sent (words: all but
-bodies), and those of bodies that it holds in the end; time is the processor's, of its peer's steps.
+bodies), and those of bodies that it holds in the end; time is the processor's, of its peer's steps, without what carries
+its packets; calls are those of functions in a step, counted in a run of their own: on a busy machine they tell more.
 """
 
 import argparse
+import cProfile
 import json
 import statistics
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,13 +29,14 @@ from run import machine
 from teamslam.joining import build, split
 from teamslam.model import Submap
 from teamslam.robot.link.memory import Air, Weather
+from teamslam.robot.opened import opened
 from teamslam.robot.peer import Peer
 
 POSES, PIECE = 100, 25
 TURN_S = 0.25
 EVERY_S = 30.0  # between two submaps of a robot
 PATIENCE_S = 3600.0
-LINE = "| {robots} | {reach} | {words_kb:.1f} | {bodies_kb:.1f} | {holds_kb:.1f} | {ms:.0f} | {settled_s} |"
+LINE = "| {robots} | {reach} | {words_kb:.1f} | {bodies_kb:.1f} | {holds_kb:.1f} | {ms:.0f} | {calls} | {settled_s} |"
 
 
 def main() -> None:
@@ -42,13 +46,14 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the numbers here too")
     parser.add_argument("--figure", type=Path, help="draw them here")
     options = parser.parse_args()
-    print(f"{machine()}\n\n| robots | reach | words kB | bodies kB | holds kB | ms | settled s |\n|{'---|' * 7}")
+    print(f"{machine()}\n\n| robots | reach | words kB | bodies kB | holds kB | ms | calls | settled s |\n|{'---|' * 8}")
     rows = []
     for robots in options.teams:
         field = Field(Team(robots, POSES, options.seed))
         submaps = field.submaps()
         for reach in ("all", "groups"):
-            rows.append(row := exchanged(field, submaps, reach))
+            row = exchanged(field, submaps, reach)
+            rows.append(row := row | {"calls": round(calls_a_turn(field, submaps, reach))})
             print(LINE.format(**row), flush=True)
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n")
@@ -81,8 +86,19 @@ class Field:
         return self.group(a) == self.group(b)
 
 
-def exchanged(field: Field, submaps: dict[int, list[Submap]], reach: str) -> dict[str, Any]:
-    """A row: means over the robots."""
+def calls_a_turn(field: Field, submaps: dict[int, list[Submap]], reach: str) -> float:
+    """How many functions a robot calls in a turn: its work, whatever else the machine does."""
+    opened.cache_clear()
+    counted = cProfile.Profile()
+    turns = exchanged(field, submaps, reach, counted)["turns"]
+    return float(sum(call.callcount for call in counted.getstats()) / turns / len(submaps))
+
+
+def exchanged(
+    field: Field, submaps: dict[int, list[Submap]], reach: str, counted: AbstractContextManager[Any] | None = None
+) -> dict[str, Any]:
+    """A row: means over the robots. What their peers do is done within `counted`."""
+    counted = counted or nullcontext()
     air = Air(Weather(loss=0.1, most_s=0.5), 0, field.near if reach == "all" else field.grouped)
     peers, links = {n: Peer(n) for n in submaps}, {n: air.link(n) for n in submaps}
     spent = dict.fromkeys(submaps, 0.0)
@@ -92,20 +108,22 @@ def exchanged(field: Field, submaps: dict[int, list[Submap]], reach: str) -> dic
         turn, now_s = turn + 1, (turn + 1) * TURN_S
         air.tick(now_s)
         for robot, own in submaps.items():
-            began = time.process_time()
+            heard, began = links[robot].receive(), time.process_time()
             number, rest = divmod(turn - robot, round(EVERY_S / TURN_S))
-            if not rest and 0 <= number < len(own):
-                peers[robot] = peers[robot].with_submaps([own[number]])
-            peers[robot], out = peers[robot].step(now_s, links[robot].receive())
+            with counted:
+                if not rest and 0 <= number < len(own):
+                    peers[robot] = peers[robot].with_submaps([own[number]])
+                peers[robot], out = peers[robot].step(now_s, heard)
+            spent[robot] += time.process_time() - began
             for packet in out:
                 links[robot].send(packet.to, packet.data)
-            spent[robot] += time.process_time() - began
         if now_s > last_s and rest_at_last(field, peers, reach):
             break
     sent = {n: [line.sent for line in peer.lines.values()] for n, peer in peers.items()}
     return {
         "robots": len(submaps),
         "reach": reach,
+        "turns": turn,
         "words_kb": statistics.mean(sum(s.word_bytes for s in each) for each in sent.values()) / 1e3,
         "bodies_kb": statistics.mean(sum(s.body_bytes for s in each) for each in sent.values()) / 1e3,
         "holds_kb": statistics.mean(sum(len(c.data) for c in p.bodies.values()) for p in peers.values()) / 1e3,

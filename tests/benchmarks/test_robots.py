@@ -62,4 +62,5 @@ def test_what_a_robot_carries_does_not_grow_with_robots_that_it_never_meets(tmp_
     all_, grouped = ({r["robots"]: r for r in rows if r["reach"] == reach} for reach in ("all", "groups"))
     assert all(row["settled_s"] is not None for row in rows)
     assert all(grouped[9][what] < 1.5 * grouped[4][what] for what in ("words_kb", "bodies_kb", "holds_kb"))
+    assert grouped[9]["calls"] < 1.1 * grouped[4]["calls"]
     assert all_[9]["holds_kb"] > 2.0 * grouped[9]["holds_kb"]
