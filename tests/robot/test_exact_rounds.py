@@ -160,6 +160,31 @@ def test_a_robot_that_answers_at_last_is_asked_again_after_a_rest() -> None:
     assert all(account(member).exactness is not None and not account(member).why for member in members.values())
 
 
+def test_who_is_known_to_be_away_is_not_waited_for_again() -> None:
+    """Nobody has heard of the third for long: on all that is new the others begin at once. A robot that has just begun
+    to listen does not know yet who is there."""
+    air = Air(Weather(), 0)
+    members = parked(Habits(patience_s=1.0), air)
+    talk(air, members, 0, 60)
+    del members[3]
+    air.leave(3)
+    talk(air, members, 60, 75)
+    newer = replace(members[2].peer.own[next(iter(members[2].peer.own))], version=1)
+    members[2].peer = members[2].peer.with_submaps([newer])
+    talk(air, members, 75, 82)
+    assert leads(members[1]) and not leads(members[2])
+    members[1].rounds = Rounds()
+    talk(air, members, 82, 90)
+    assert not leads(members[1]) and members[1].rounds.busy
+    talk(air, members, 90, 160)
+    assert account(members[1]).as_sent == account(members[2]).as_sent == (3,)
+
+
+def leads(member: Member) -> bool:
+    """Whether a robot asks others just now."""
+    return any(isinstance(course._side, Leader) for course in member.rounds.courses or ())
+
+
 def test_parts_that_nothing_ties_together_have_rounds_of_their_own() -> None:
     """Each is led by its own lowest robot, and ends at its own full least squares."""
     apart = replace(LOG, tables=tuple(_apart(LOG)))

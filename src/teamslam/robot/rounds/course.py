@@ -1,7 +1,8 @@
 """Exact rounds on one part of the map: who leads, who is away, and when they begin anew or are given up.
 
 Of the robots whose submaps are in the part, those that were heard lately are here, and the lowest of these asks. The
-submaps of those that are away stay what they sent; when one of these comes back, the rounds begin anew with it.
+submaps of those that are away stay what they sent; when one of these comes back, the rounds begin anew with it. Who is
+away is known once a robot has listened for long; for what it hears of later nobody is waited for again.
 """
 
 import zlib
@@ -41,14 +42,14 @@ class Account:
 
 
 class Course:
-    """A robot's side of rounds on part `number` of the map that the set `root` gives. `busy`: there may be a result
-    yet."""
+    """A robot's side of rounds on part `number` of the map that the set `root` gives; it has listened to others since
+    `first_s`. `busy`: there may be a result yet."""
 
     def __init__(
-        self, root: bytes, number: int, component: Component, by_id: Mapping[str, Submap], now_s: float
+        self, root: bytes, number: int, component: Component, by_id: Mapping[str, Submap], now_s: float, first_s: float
     ) -> None:
         self.root, self.number, self.robots = root, number, robots_of(component, by_id)
-        self._component, self._by_id, self._since_s = component, by_id, now_s
+        self._component, self._by_id, self._since_s, self._first_s = component, by_id, now_s, first_s
         self._side: Leader | Follower | None = None
         self._attempt = self._tries = 0
         self._rests_until_s = -1e300
@@ -145,9 +146,10 @@ class Course:
             return self._give_up("one robot alone")
         if peer.in_short or peer.habits.budget is not None:
             return self._give_up("the links are too tight")
-        waited = now_s - self._since_s > LONG * peer.habits.patience_s
+        long_s = LONG * peer.habits.patience_s
+        waited, listened = now_s - self._since_s > long_s, now_s - self._first_s > long_s
         away = [n for n in self.robots if n != peer.number and n not in others]
-        if away and not waited:
+        if away and not listened:  # who was not heard yet may be there
             return []
         if elsewhere := [n for n in others if peer.lines[n].root != self.root]:
             if waited:  # it may come to hold the same yet, as one does that is back

@@ -24,6 +24,7 @@ class Rounds:
     one for each part of its map, once it stood for a while; `busy`: there may be a result yet."""
 
     def __init__(self) -> None:
+        self._first_s: float | None = None
         self._begin(b"", 0.0)
 
     def _begin(self, root: bytes, now_s: float) -> None:
@@ -45,6 +46,8 @@ class Rounds:
 
     def attend(self, now_s: float, peer: Peer, robot: Robot, heard: Heard, ready: bool) -> Out:
         """Questions and answers to be sent, after those that were `heard`. `ready`: there is nothing else to say."""
+        if self._first_s is None:
+            self._first_s = now_s
         if peer.root != self.root:
             self._begin(peer.root, now_s)
         if not ready:
@@ -55,14 +58,14 @@ class Rounds:
             if not spoken and now_s - self._since_s < peer.habits.patience_s:
                 self.busy = True
                 return []
-            self.courses = self._courses(now_s, peer)
+            self.courses = self._courses(now_s, self._first_s, peer)
         out = Out()
         for course in self.courses:
             out += course.attend(now_s, peer, robot, [(s, p) for s, p in spoken if p.part == course.number])
         self.busy = any(course.busy for course in self.courses)
         return out
 
-    def _courses(self, now_s: float, peer: Peer) -> tuple[Course, ...]:
+    def _courses(self, now_s: float, first_s: float, peer: Peer) -> tuple[Course, ...]:
         submaps = peer.held.submaps
         try:
             parts = peer.held.join().components if submaps else ()
@@ -70,4 +73,4 @@ class Rounds:
             self._why = str(error)
             return ()
         by_id = {submap.id: submap for submap in submaps}
-        return tuple(Course(self.root, n, part, by_id, now_s) for n, part in enumerate(parts))
+        return tuple(Course(self.root, n, part, by_id, now_s, first_s) for n, part in enumerate(parts))
