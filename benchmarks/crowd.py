@@ -46,7 +46,9 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the numbers here too")
     parser.add_argument("--figure", type=Path, help="draw them here")
     options = parser.parse_args()
-    print(f"{machine()}\n\n| robots | reach | words kB | bodies kB | holds kB | ms | calls | settled s |\n|{'---|' * 8}")
+    print(
+        f"{machine()}\n\n| robots | reach | words kB | bodies kB | holds kB | ms | calls | settled s |\n|{'---|' * 8}"
+    )
     rows = []
     for robots in options.teams:
         field = Field(Team(robots, POSES, options.seed))
