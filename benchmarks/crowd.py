@@ -10,8 +10,9 @@ that lose a tenth of all packets:
     groups    the same field, but only the robots of a square of four reach each other: they never meet the others
 
 The exchange ends when all that can reach each other hold the same. Bytes are those that a robot sent (words: all but
-bodies), and those of bodies that it holds in the end; time is the processor's, of its peer's steps, without what carries
-its packets; calls are those of functions in a step, counted in a run of their own: on a busy machine they tell more.
+bodies), and those of bodies that it holds in the end; time is the processor's, of its peer's steps, without what
+carries its packets; calls are those of functions in a step, counted in a run of their own: on a busy machine they tell
+more.
 """
 
 import argparse
