@@ -68,6 +68,30 @@ def test_what_it_made_before_is_its_own_though_it_hears_it_of_others(rate: float
     assert not after[0].unmade
 
 
+@pytest.mark.parametrize(("then", "now"), [(SHORT, None), (None, SHORT)])
+def test_what_it_makes_again_in_another_form_before_it_hears_of_it_is_one_submap(
+    then: float | None, now: float | None
+) -> None:
+    """Both forms tell the same rows, so neither is wrong: one version more takes the place of both, for all who hold
+    them, also where it was ended and started in between."""
+    before = talked([Peer(1, Habits(rate=then)).with_submaps(ONE), Peer(2)], 40)
+    again = Peer(1, Habits(rate=now)).with_submaps(ONE)
+    assert again.root != before[1].root
+    torn = talked([again, before[1]], 4, 40)
+    resumed = Peer(1, Habits(rate=now)).recalling(c.body for c in torn[0].bodies.values()).with_submaps(ONE)
+    for peers in (torn, [resumed, torn[1]]):
+        after = talked(peers, 60, 44)
+        assert after[0].root == after[1].root and not after[0].left_out and not after[0].unmade
+        assert {s.id for s in after[1].held.submaps} == {s.id for s in ONE}
+        assert all(len(held.contents) == 1 for held in after[1].held.held.values())
+
+
+def test_two_robots_that_make_the_same_in_two_forms_do_not_outbid_each_other_for_ever() -> None:
+    peers = [Peer(1).with_submaps(ONE), Peer(1, Habits(rate=SHORT)).with_submaps(ONE), Peer(2)]
+    after = talked(peers, 400)
+    assert len({peer.root for peer in after}) == 1 and not any(peer.unmade for peer in after)
+
+
 def test_what_is_held_in_a_newer_version_is_said() -> None:
     """A former life had late rows: its version stays, whoever is heard first; what this one mapped is in no map."""
     newer = replace(OTHER[0], version=1)

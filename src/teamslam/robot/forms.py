@@ -34,6 +34,7 @@ from teamslam.wire.rounding import COMPACT, EXACT, Precision
 
 SHARE, SECONDS = 0.1, 10.0  # of a line's budget that one message may have, and of its rate
 VERSIONS = 1000  # of messages of one version of a submap at most
+MENDED = 10  # times that one more is made because two tell the same
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,19 @@ def needed(own: Sequence[Submap], known: IntArray) -> dict[str, IntArray]:
     return found
 
 
-def stock(
-    own: Mapping[str, Submap], held: SubmapSet, bodies: Mapping[bytes, Content], mine: Set[bytes]
-) -> tuple[dict[str, tuple[int, Opened | None]], dict[str, tuple[bytes, ...]]]:
-    """Of a robot's own submaps that others hold too: the version that is held, with what is held of it; and the
-    messages of which it is unsure whether they are its own, where none of a version is among `mine`."""
+@dataclass(frozen=True)
+class Stock:
+    """Of a robot's own submaps that others hold too, by id: the version that was `sent`, with what is held of it (None:
+    it was removed, or several are held); the messages of which it is `unsure` whether they are its own; and those that
+    are held `twice`, in two forms that tell the same."""
+
+    sent: Mapping[str, tuple[int, Opened | None]]
+    unsure: Mapping[str, tuple[bytes, ...]]
+    twice: Set[str]
+
+
+def stock(own: Mapping[str, Submap], held: SubmapSet, bodies: Mapping[bytes, Content], mine: Set[bytes]) -> Stock:
+    """What is held of a robot's own submaps; it is unsure of a version where none of its messages is among `mine`."""
     there = [(digest, c) for digest, c in bodies.items() if c.entry.id in own and not c.entry.gone]
     found = {c.entry.id: c.opened for _, c in there if len(held.held[c.entry.id].contents) == 1}
     sent = {id_: (held.held[id_].version, found.get(id_)) for id_ in own if id_ in held.held}
@@ -126,22 +135,23 @@ def stock(
     for id_ in {c.entry.id for _, c in there} - {c.entry.id for digest, c in there if digest in mine}:
         if sent[id_][0] // VERSIONS == own[id_].version:
             unsure[id_] = tuple(sorted(c.data for _, c in there if c.entry.id == id_))
-    return sent, unsure
+    several = [(id_, held.held[id_]) for id_ in sent if id_ not in unsure and len(held.held[id_].contents) > 1]
+    twice = {
+        id_
+        for id_, known in several
+        if known.version // VERSIONS == own[id_].version
+        and known.version % VERSIONS < MENDED
+        and all(tells(data, own[id_]) for data in known.contents)
+    }
+    return Stock(sent, unsure, twice)
 
 
-def orders(
-    robot: int,
-    own: Mapping[str, Submap],
-    sent: Mapping[str, tuple[int, Opened | None]],
-    known: Knowledge,
-    most: float,
-    unsure: Mapping[str, tuple[bytes, ...]],
-) -> tuple[Order, ...]:
-    """The messages that are to be made of a robot's own submaps, where of each id such a version was `sent`, with what
-    is held of it (None: it was removed), others say what they know, and of some it is `unsure` whether what is held is
-    its own."""
+def orders(robot: int, own: Mapping[str, Submap], stock: Stock, known: Knowledge, most: float) -> tuple[Order, ...]:
+    """The messages that are to be made of a robot's own submaps, of which so much is held, where others say what they
+    know."""
+    sent, unsure = stock.sent, stock.unsure
     new = {id_: VERSIONS * s.version for id_, s in own.items() if sent.get(id_, (-1, None))[0] < VERSIONS * s.version}
-    new |= {id_: sent[id_][0] for id_ in unsure}
+    new |= {id_: sent[id_][0] for id_ in unsure} | {id_: sent[id_][0] + 1 for id_ in stock.twice}
     kept = {id_: found.keys for id_, (_, found) in sent.items() if found is not None and found.kind != "sparse"}
     short = {id_: keys for id_, keys in kept.items() if id_ in own and id_ not in new}
     if not new and not short:

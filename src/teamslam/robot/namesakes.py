@@ -1,7 +1,8 @@
 """What is held under a robot's own ids that it has not made since it was started: in its journal, of an earlier life
 whose journal is gone, or of another robot that goes by its number.
 
-    the same submap       what is held stays: of a version there is one message
+    the same submap       what is held stays: of a version there is one message; where both were made before either was
+                          heard, in two forms, one version more takes the place of both
     another               its own goes as well: so all hold both, whoever was heard first, and no map has either
     of a newer version    its own is out of date, and stays at home
 
@@ -9,6 +10,7 @@ What robots hold depends on what was made, not on who was heard when; what it co
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,6 +28,7 @@ WHOSE = (
 SLACK = 1e-3  # sigma, and of the information: what another processor's arithmetic makes of the same rows is far less
 
 
+@lru_cache(maxsize=256)
 def tells(data: bytes, submap: Submap) -> bool:
     """Whether a message says of its variables what a submap says, but for how it was rounded."""
     received = receive(data)

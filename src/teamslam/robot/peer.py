@@ -185,8 +185,8 @@ class Peer:
         stays."""
         spent = (line.sent.bytes for to, line in self.lines.items() if to != EVERYONE)
         most = allowance(self.habits.budget, self.habits.rate, spent)
-        sent, unsure = stock(self.own, self.held, self.bodies, self.mine)
-        return orders(self.number, self.own, sent, self.known, most, unsure)
+        there = stock(self.own, self.held, self.bodies, self.mine)
+        return orders(self.number, self.own, there, self.known, most)
 
     @property
     def orders(self) -> tuple[Order, ...]:
