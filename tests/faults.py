@@ -161,3 +161,17 @@ def landmark_moved(dataset: Dataset, mark: int, by: Array, robots: tuple[int, ..
         return replace(table, values=values)
 
     return dataset.with_tables(map(fault, dataset.tables))
+
+
+def misread(dataset: Dataset, robot: int, mark: int, other: int, *, first: int = 0, rows: int | None = None) -> Dataset:
+    """Some rows in which a robot sees one landmark, from its `first` on, call it by the name of another."""
+
+    def fault(table: Table) -> Table:
+        hit = np.flatnonzero(table.keys[:, -1] == mark)
+        if table.source != "landmarks" or table.robot != robot:
+            return table
+        keys = table.keys.copy()
+        keys[hit[first:][:rows], -1] = other
+        return replace(table, keys=keys)
+
+    return dataset.with_tables(map(fault, dataset.tables))

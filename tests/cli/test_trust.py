@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import faults
 from teamslam.io import write
 from teamslam.sim import Options, Robot, Sensor, simulate
 from teamslam.sim.faults import exchanged, stretched
@@ -43,6 +44,22 @@ def test_exchanged_names_are_put_right(teamslam, tmp_path: Path, method: tuple[s
     assert mended["suspicions"]["labels"][0]["kind"] == "exchanged"
     assert mended["landmark_rmse_m"] == pytest.approx(right["landmark_rmse_m"], rel=1e-4)
     assert mended["cost"] == pytest.approx(right["cost"], rel=1e-6)
+
+
+def test_a_number_misread_once_is_put_right_without_being_asked(teamslam, tmp_path: Path) -> None:
+    """It is said who misread what, on the terminal and in the report, and nobody is suspected."""
+    log = simulate(OPTIONS, 1)
+    seen = {t.robot: t.keys[:, 1].tolist() for t in log.tables if t.source == "landmarks"}
+    others = [m for m in log.landmark_keys.tolist() if m not in seen[2] and sum(m in of for of in seen.values()) > 1]
+    mark = max(set(seen[2]), key=seen[2].count)
+    write(faults.misread(log, 2, mark, others[0], rows=1), tmp_path / "wrong", "plain")
+    called = teamslam("run", tmp_path / "wrong", "--out", tmp_path / "map", "--no-figures")
+    assert called.code == 0 and "suspicious" not in called.out
+    assert f"robot 2 sees landmark {others[0]} " in called.out
+    assert "what it sees is a landmark of its own" in called.out
+    found = report(tmp_path / "map")
+    assert [(each["kind"], each["robots"]) for each in found["apart"]] == [("place", ["2"])]
+    assert found["fit"]["verdict"] in ("fits", "loose") and found["suspicions"]["sentences"] == []
 
 
 def test_a_liar_is_named_and_left_out(teamslam, tmp_path: Path) -> None:

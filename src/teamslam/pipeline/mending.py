@@ -25,6 +25,7 @@ from teamslam.trust import (
 from teamslam.trust.calibration import Calibration, as_stated, calibrate
 from teamslam.trust.unknowns import Settled, settled, with_unknowns
 
+PLACES = ("landmark", "place", "name")  # kinds of causes by which landmarks are called otherwise
 CLEARLY = 3.0  # sigmas by which a truth is late
 
 
@@ -97,9 +98,9 @@ def calibrated(at: Sequence[AtMap], wrong: Sequence[Cause]) -> Calibration | Non
 
 
 def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, tuple[Cause, ...]]:
-    """A log with landmarks that were moved, or of which two carry one name, as two landmarks each, where such are among
-    what is `wrong`; and which those are. What it rests on reads so, too."""
-    found = tuple(cause for cause in wrong if cause.kind == "landmark" and cause.mend is not None)
+    """A log with landmarks that were moved, or of which two carry one name, as two landmarks each, and with names that
+    lie put right, where such are among what is `wrong`; and which those are. What it rests on reads so, too."""
+    found = tuple(cause for cause in wrong if cause.kind in PLACES and cause.mend is not None)
     for cause in found:
         assert cause.mend is not None
         mended = cause.mend(dataset)

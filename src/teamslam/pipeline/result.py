@@ -26,7 +26,8 @@ class Result(Answers):
     right; it is false where nothing was, None where the noise was taken as stated. `unknowns` is what the log rests on
     and nobody measured, clocks and cameras, and what was found of it; None where there is nothing uncertain.
     `truth_late` is by how much the truth of robots was late, and was matched so. `apart` are the landmarks that were
-    moved, or of which two carry one name: each is two in the map and in `dataset`.
+    moved, or of which two carry one name: each is two in the map and in `dataset`; and those that one robot's sightings
+    name wrongly beyond doubt: they are called otherwise there.
     """
 
     config: Config

@@ -3,7 +3,7 @@
 clocks and cameras of recordings, estimated with a map
 -> landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
--> landmarks that were moved, as two each, and all of this again
+-> landmarks that were moved, as two each, names that lie beyond doubt put right, and all of this again
 -> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
 -> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
 """
@@ -31,11 +31,11 @@ from teamslam.pipeline.mending import (
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
 from teamslam.solver import Covariances, meanwhile
-from teamslam.trust import Cause, assess, explained, mistakes, suspicions, with_plain_reasons
+from teamslam.trust import Cause, assess, explained, mistakes, named_beyond_doubt, suspicions, with_plain_reasons
 from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
-MOST_APART = 20  # landmarks that are put in two places: of more, names say nothing
+MOST_APART = 20  # landmarks that are called otherwise than in the log: of more, names say nothing
 
 
 def run(
@@ -79,11 +79,14 @@ def _told(
     except SolveError as error:
         raise explained(error, log) from None
     at = _at(log, joined)
-    calibration = None
+    calibration, seen = None, None
     if workers is None:
         clock.start("landmarks that were moved")
         wrong = mistakes(log, joined, at)
         again, moved = in_their_places(dataset, wrong if len(apart) < MOST_APART else ())
+        if not moved and suspected is None and submaps and not config.join.exact and len(apart) < MOST_APART:
+            lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
+            again, moved = in_their_places(dataset, lies)
         if moved:
             return _told(again, config, clock, workers, work, (*apart, *moved))
         if config.calibrate:
@@ -93,7 +96,7 @@ def _told(
     if calibration:
         if suspected is None and suspects and submaps:  # who lies is told before his errors are put right
             clock.start("suspicions")
-            suspected = suspicions(log, submaps, joined)
+            suspected = suspicions(log, submaps, joined) if seen is None else seen
         pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
     dataset, late = in_time(dataset, joined)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)

@@ -21,9 +21,11 @@ Its fields:
                                    landmarks and stretches of time cost too much; `sensors`, the same of every sensor of
                                    every robot; `noise`, how large the residuals of each part of a measurement are
                                    beside its standard deviation (`scale`), and the share of outliers
-    apart                          landmarks that were moved, or of which two carry one name, and that are two in the
-                                   map: each with its `sentence`, what it `explains` of the excess, and the `robots`
-                                   that saw it
+    apart                          what landmarks are called otherwise than in the log: each with its `kind` (landmark:
+                                   one that was moved, or of which two carry one name, and that is two in the map;
+                                   place: what one robot has elsewhere than the others, a landmark of its own; name:
+                                   what one robot called by another's name), `sentence`, what it `explains` of the
+                                   excess, and the `robots` that saw it
     calibration                    what the data showed to be wrong with their model, and what was put right before the
                                    map was made again: `sentences`; `systematic` errors, each with `value`, `sigma` and
                                    `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang

@@ -12,6 +12,13 @@ Rows = list[tuple[str, str]]
 UNSEEN = 1e-12  # of a cost, or of one sigma squared: what rounding hides
 
 
+DONE = {
+    "landmark": "each of its places is a landmark",
+    "place": "what it sees is a landmark of its own",
+    "name": "these sightings are of that landmark now",
+}
+
+
 def outcome(report: Report) -> Rows:
     """What a run came to, as names and values."""
     parts = report["parts"]
@@ -21,7 +28,7 @@ def outcome(report: Report) -> Rows:
         *(("left out", _lost(lost)) for lost in report.get("left_out", [])),
         *(("remark", sentence) for sentence in report.get("remarks", [])),
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
-        *(("put right", f"{cause['sentence']}: each of its places is a landmark") for cause in report.get("apart", ())),
+        *(("put right", f"{cause['sentence']}: {DONE[cause['kind']]}") for cause in report.get("apart", ())),
         *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
         *(("estimated", sentence) for sentence in (report.get("estimated") or {}).get("sentences", ())),
         *(("truth", _late(late)) for late in report.get("truth_late", ())),

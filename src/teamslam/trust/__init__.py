@@ -9,6 +9,7 @@ from teamslam.trust.outliers.decide import Decisions, wrong_sightings
 from teamslam.trust.outliers.words import sentences_on_sightings
 from teamslam.trust.residuals import Residuals, Rows
 from teamslam.trust.suspicions import Suspicions, mended, suspicions
+from teamslam.trust.undoubted import named_beyond_doubt
 from teamslam.trust.words import sentence
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "explained",
     "mended",
     "mistakes",
+    "named_beyond_doubt",
     "sentence",
     "sentences_on_sightings",
     "suspected_beside",

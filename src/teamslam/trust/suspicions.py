@@ -14,14 +14,14 @@ from teamslam.errors import SolveError, TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.joining import Joined, build, join, separators, split
 from teamslam.joining.condense.condense import condense_what_pays
-from teamslam.model import Dataset, Names, Submap, Table, index_of, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Names, Submap, Table, is_pose, robot_of
 from teamslam.solver import Options, side_by_side
 from teamslam.trust.evidence import Fit
 from teamslam.trust.influence.alone import alone, self_contradicting
 from teamslam.trust.influence.liars import LEVEL, Judgement, anybody_could_lie, liars, robot
 from teamslam.trust.influence.words import sentences_on_robots
-from teamslam.trust.labels.changes import Change
 from teamslam.trust.labels.constellations import renamed
+from teamslam.trust.labels.renaming import names_by, table_by
 from teamslam.trust.labels.robots import Mistaken, mistaken_robots, put_right
 from teamslam.trust.labels.search import Finding, mislabelled
 from teamslam.trust.labels.words import sentence_on_label, sentence_on_mistaken
@@ -122,10 +122,10 @@ def mended(log: Dataset, found: Suspicions) -> Dataset:
     """
     if not found.labels and not found.mistaken and not found.liars:
         return log
-    tables, names = [put_right(table, log, found.mistaken) for table in log.tables], log.names
+    tables = [put_right(table, log, found.mistaken) for table in log.tables]
     for finding in found.labels:
-        tables = [_renamed(table, finding.change) for table in tables]
-        names = _named(names, finding.change)
+        tables = [table_by(finding.change, table) for table in tables]
+    names = names_by([finding.change for finding in found.labels], log.names)
     tables = [_without(table, found.liars) for table in tables]
     return replace(log, tables=tuple(table for table in tables if len(table)), names=names)
 
@@ -149,24 +149,6 @@ def _put_right(submaps: Sequence[Submap], labels: Sequence[Finding]) -> list[Sub
     for found in labels:
         out = [renamed(s, found.change.names) if int(robot_of(s.base)) == found.change.robot else s for s in out]
     return out
-
-
-def _renamed(table: Table, change: Change) -> Table:
-    target = table.keys[:, -1]
-    if table.robot != change.robot or not np.isin(target, list(change.names)).any():
-        return table
-    keys = table.keys.copy()
-    keys[:, -1] = [change.names.get(key, key) for key in target.tolist()]
-    return replace(table, keys=np.where(is_landmark(table.keys), keys, table.keys))
-
-
-def _named(names: Names, change: Change) -> Names:
-    """Names with one for a landmark that was given a key of its own."""
-    if change.kind != "apart":
-        return names
-    one = names.landmark(int(index_of(change.one)))
-    called = {int(index_of(change.other)): f"{one} as robot {names.robot(change.robot)} sees it"}
-    return replace(names, landmarks={**names.landmarks, **called})
 
 
 def _without(table: Table, robots: Collection[int]) -> Table:

@@ -49,12 +49,13 @@ Stars_ = dict[int, list[Submap]]
 class Finding:
     """A change of names that the team's maps speak for: its `odds` (natural logarithm) against none, and `instead`, the
     robots of which the same change explains as much. `apart_m`: how far what was one is apart, or what was called by
-    one name is from where it is."""
+    one name is from where it is. `explains`: the share of what landmarks cost too much that is gone with it."""
 
     change: Change
     odds: float
     instead: tuple[int, ...]
     apart_m: float
+    explains: float
 
 
 def mislabelled(
@@ -106,7 +107,10 @@ def _best(stars: Stars_, joined: Joined, doubted: Collection[int]) -> Finding | 
     others = [Change(change.kind, robot, change.one, change.other) for robot in stars if robot != change.robot]
     others = [other for other in others if change.kind == "exchanged" and _knows(stars[other.robot], other)]
     rivals = [other.robot for other in others if _gain(before, other, stars) - prior > gains[change] - SURE]
-    return Finding(change, 0.5 * gains[change], tuple(rivals), _apart(change, stars))
+    after = _changed(change, stars)
+    excess = before.cost - before.dof
+    explains = min((before.cost - fit_of(after).cost) / excess, 1.0) if excess > 0.0 else 1.0
+    return Finding(change, 0.5 * gains[change], tuple(rivals), _apart(change, after), explains)
 
 
 def _doubtful(stars: Stars_, joined: Joined, doubted: Collection[int]) -> list[tuple[int, Submap]]:
@@ -217,24 +221,27 @@ def _joined(stars: Stars_, near: Values | None = None) -> Joined:
 
 def _gain(before: Fit, change: Change, stars: Stars_) -> float:
     """By how much likelier all constellations together are with a change."""
-    own = [renamed(part, change.names) for part in stars[change.robot]]
     try:
-        after = fit_of(_joined({**stars, change.robot: own}))
+        after = fit_of(_changed(change, stars))
     except TeamslamError:
         return -np.inf
     return unlikely(before, before) - unlikely(before, after)
+
+
+def _changed(change: Change, stars: Stars_) -> Joined:
+    """All constellations joined with a change."""
+    own = [renamed(part, change.names) for part in stars[change.robot]]
+    return _joined({**stars, change.robot: own})
 
 
 def _knows(parts: Sequence[Submap], change: Change) -> bool:
     return any(np.isin([change.one, change.other], part.landmark_keys).any() for part in parts)
 
 
-def _apart(change: Change, stars: Stars_) -> float:
+def _apart(change: Change, joined: Joined) -> float:
     """How far a landmark is from where its name says, in the map with the change."""
-    own = [renamed(part, change.names) for part in stars[change.robot]]
-    maps = [component.map for component in _joined({**stars, change.robot: own}).components]
     both = np.array([change.one, change.other])
-    held = next((m for m in maps if np.isin(both, m.landmark_keys).all()), None)
+    held = next((c.map for c in joined.components if np.isin(both, c.map.landmark_keys).all()), None)
     if held is None:
         return float("nan")
     places = held.values.positions(both, 3)

@@ -1,0 +1,58 @@
+"""Names that lie beyond doubt: of a landmark that one robot has elsewhere than all others, as where the number of a tag
+was misread. One such row bends the map of all, and nothing that this robot measured contradicts it.
+
+They are put right without being asked for; what is less sure is told, and left to people (`suspicions`).
+"""
+
+from collections.abc import Sequence
+from math import log
+
+from teamslam.errors import TeamslamError
+from teamslam.joining import Joined, build, split
+from teamslam.model import Dataset, Submap
+from teamslam.trust.cause import Cause
+from teamslam.trust.evidence import most_to_gain
+from teamslam.trust.influence.liars import fit_of
+from teamslam.trust.labels.renaming import Renaming
+from teamslam.trust.labels.search import Finding
+from teamslam.trust.labels.words import sentence_on_label
+from teamslam.trust.suspicions import Suspicions, suspicions
+
+BEYOND_DOUBT = 12.0 * log(10.0)  # odds: a million times a million to one
+KINDS = {"apart": "place", "mistaken": "name"}  # of changes, as causes are called
+
+
+def named_beyond_doubt(
+    dataset: Dataset, submaps: Sequence[Submap], joined: Joined, wrong: Sequence[Cause] = ()
+) -> tuple[tuple[Cause, ...], Suspicions | None]:
+    """The names in a log that lie beyond doubt, each with what puts it right, and all that is suspicious; None where
+    nobody looked, since what joining cost leaves no room for such a name.
+
+    `wrong`: the mistakes that were found in the log. A name that a mistake would explain as well is not told: it lies
+    with them taken out of the log, too. Law: a team whose submaps agree comes back with nothing.
+    """
+    if len(submaps) < 2 or most_to_gain(fit_of(joined)) < 2.0 * BEYOND_DOUBT:
+        return (), None
+    suspected = suspicions(dataset, submaps, joined)
+    found = [label for label in suspected.labels if _is_sure(label)]
+    mends = [cause.mend for cause in wrong if cause.mend is not None]
+    if found and mends:
+        try:
+            for mend in mends:
+                dataset = mend(dataset)
+            again = suspicions(dataset, [build(piece) for piece in split(dataset)]).labels
+        except TeamslamError:
+            return (), suspected
+        still = {label.change for label in again if _is_sure(label)}
+        found = [label for label in found if label.change in still]
+    return tuple(_cause(label, suspected) for label in found), suspected
+
+
+def _is_sure(label: Finding) -> bool:
+    return label.change.kind in KINDS and label.odds > BEYOND_DOUBT and not label.instead
+
+
+def _cause(label: Finding, of: Suspicions) -> Cause:
+    change = label.change
+    said = sentence_on_label(label, of.names)
+    return Cause(KINDS[change.kind], said, label.explains, (change.robot,), Renaming(change))
