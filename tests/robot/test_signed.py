@@ -115,6 +115,13 @@ def test_a_submap_of_rows_of_another_robot_is_refused(seals: dict[int, Seal]) ->
     assert refused(peer, 2, "robot 2 signed a body that is of robot 1, 2") and not peer.bodies
 
 
+def test_a_submap_that_is_written_from_another_robots_pose_is_refused(seals: dict[int, Seal]) -> None:
+    """Whose pose it is written from is asked for its rows in exact rounds."""
+    mine, theirs = SUBMAPS[2][0], SUBMAPS[1][0]
+    peer = heard(Peer(3, seal=seals[3]), 2, seals[2].signed(message(replace(mine, base=theirs.base))))
+    assert refused(peer, 2, "robot 2 signed a body that is of robot 1, 2") and not peer.bodies
+
+
 def test_what_was_recorded_and_is_sent_again_changes_nothing(seals: dict[int, Seal]) -> None:
     old, new = (seals[1].signed(message(replace(SUBMAPS[1][0], version=v))) for v in (0, 1))
     peer = heard(Peer(3, seal=seals[3]), 1, old, new)

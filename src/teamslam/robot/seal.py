@@ -55,9 +55,9 @@ class Seal:
         entry, signer = found.entry, body.robot
         if signer == HOME and (entry.gone or entry.robot):
             return
-        if set(found.robots) != {signer} or found.base != signer:
-            whose = ", ".join(map(str, found.robots))
-            raise InputError(f"robot {signer} signed a body that is of robot {whose or 'nobody'}", field="signature")
+        if (robots := {*found.robots, found.base}) != {signer} or not found.robots:
+            whose = ", ".join(map(str, sorted(robots)))
+            raise InputError(f"robot {signer} signed a body that is of robot {whose}", field="signature")
         name = self.names.robot(signer)
         if not entry.robot and not entry.knows and entry.id.rpartition("/")[0] != name:
             raise InputError(
