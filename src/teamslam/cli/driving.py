@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from teamslam.beside import Beside
     from teamslam.duty import Duty
     from teamslam.errors import InputError
+    from teamslam.io.bags.live_camera import LiveCamera
     from teamslam.io.plain.lines import Lines
     from teamslam.model import Dataset, Names, Submap, Table
     from teamslam.robot import Atlas, Estimate, Robot
@@ -21,12 +22,13 @@ QUIET_S = 0.02  # without rows, before something else is done
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The `log` whose channels are a robot's, its `number`, and the `lines` in which its rows are told, where they do
-    not come from the log itself."""
+    """The `log` whose channels are a robot's, its `number`, and the `lines` in which its rows are told or the `camera`
+    that films them, where they do not come from the log itself."""
 
     log: "Dataset"
     number: int
     lines: "Lines | None" = None
+    camera: "LiveCamera | None" = None
 
     @classmethod
     def of(cls, duty: "Duty") -> "Source":
@@ -38,6 +40,11 @@ class Source:
         if duty.lines:
             lines = Lines(duty.log, duty.robot)
             return cls(lines.head, lines.robot, lines)
+        if duty.camera is not None:
+            from teamslam.io.bags.live_camera import LiveCamera
+
+            camera = LiveCamera(duty.log, duty.camera, duty.robot)
+            return cls(camera.head, camera.robot, camera=camera)
         log = read(duty.log, format=duty.format)
         robots = [robot for robot in sorted(log.robots) if log.of_robot(robot).tables]
         return cls(log, _number_of(duty.robot, log.names, robots))
@@ -48,6 +55,9 @@ class Source:
         """The rows that a robot does not have yet, each moment's with its stamp; of lines, those to come."""
         from teamslam.live import replayed, spoken
 
+        if self.camera is not None:
+            self.camera.goes_on_after(memory.tables)
+            return self.camera.rows()
         if self.lines is None:
             newest_s = start.newest * self.log.names.tick_s
             return (row for row in replayed(self.log, self.number) if row[0] >= newest_s)

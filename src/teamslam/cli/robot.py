@@ -19,6 +19,7 @@ def robot(
     robot: str | None = None,
     steps: Steps = NONE,
     lines: Annotated[bool | None, Parameter(negative="")] = None,
+    camera: str | None = None,
     speed: float | None = None,
     resume: Annotated[bool | None, Parameter(negative="")] = None,
     team: str | None = None,
@@ -42,6 +43,7 @@ def robot(
     teamslam robot MRCLAM_Dataset6 --robot 3 --out robot-3 --poses-per-piece 300 --speed 10
     teamslam join robot-1/submaps robot-3/submaps --out map
     my-sensors | teamslam robot red-sensors --lines --out red
+    teamslam robot hand.toml --camera /dev/video0 --out hand
     teamslam robot log --robot 3 --out robot-3 --listen 10.0.0.3:7447 --connect 10.0.0.1:7447
     teamslam robot --config red.toml
     ```
@@ -56,7 +58,7 @@ def robot(
     ----------
     log
         A log: a folder or file in any format that `teamslam convert --help` lists; with --lines, a folder in the plain
-        format that says what the lines hold.
+        format that says what the lines hold; with --camera, a team file.
     out
         The folder to write; it must not exist or be empty.
     config
@@ -65,6 +67,9 @@ def robot(
         The robot's name. Needed where the log is of several.
     lines
         Rows come from stdin, a JSON object a line, as they are measured.
+    camera
+        Rows come from a camera that films now: its number or path (0, /dev/video0; a film or a pipe plays one). LOG is
+        a team file, of which the robot has this one camera and no odometry.
     speed
         How many seconds of the log go by in one. By default as fast as can be.
     resume
@@ -100,8 +105,8 @@ def robot(
 
     duty: Duty = told(
         read_duty(config) if config is not None else Duty(),
-        {"log": log, "out": out, "robot": robot, "lines": lines, "resume": resume, "events": events, "view": view,
-         "format": format, "speed": speed},
+        {"log": log, "out": out, "robot": robot, "lines": lines, "camera": camera, "resume": resume, "events": events,
+         "view": view, "format": format, "speed": speed},
     )  # fmt: skip
     where = {"name": team, "listen": listen, "connect": connect or None, "certificates": certificates}
     duty = replace(

@@ -5,9 +5,10 @@ is said so.
 """
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import time
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,37 @@ def pictures_of_video(
                         yield Picture(tick, lambda image=image: _in_grey(image))  # type: ignore[misc]
 
     return Pictures(path.name, digest(path, f"{every} {stamped(ticks.tolist())}"), -(-len(ticks) // every), each)
+
+
+def filmed_now(device: str, rate_hz: float | None = None) -> Generator[Picture]:
+    """The images of a camera as it films: `device` is its number, or a path: of a device (v4l2), or of a film or a pipe
+    that plays one. They were taken when the device says; where it does not, when they came. Of a device the newest
+    image is next, however long the one before took: those between are not waited for. InputError where there is none.
+    """
+    cv2 = opencv()
+    is_device = device.isdigit() or device.startswith("/dev/")
+    film = cv2.VideoCapture(int(device) if device.isdigit() else device, cv2.CAP_ANY if is_device else cv2.CAP_FFMPEG)
+    try:
+        if not film.isOpened():
+            raise InputError(f"no camera films at {device}; expected a number, as 0, or a path, as /dev/video0")
+        if is_device:
+            film.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        start, before = (time() if is_device else 0.0), None
+        for number in range(1 << 62):
+            if not film.grab():
+                return
+            came, at = time(), float(film.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
+            if rate_hz is not None and not is_device:
+                at = number / rate_hz
+            if is_device and number == 0:
+                start -= at
+            stamp = start + at if before is None or start + at > before else came
+            before = stamp
+            good, image = film.retrieve()
+            if good:
+                yield Picture(round(stamp * TICKS_PER_S), lambda image=image: _in_grey(image))  # type: ignore[misc]
+    finally:
+        film.release()
 
 
 def write_video(path: Path, images: Iterable[AnyArray], rate_hz: float) -> None:
