@@ -1,6 +1,7 @@
 #include "api.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <exception>
@@ -19,6 +20,7 @@
 #include "problem.hpp"
 #include "sparse_rows.hpp"
 #include "table.hpp"
+#include "telling.hpp"
 
 struct teamslam_blocks {
   teamslam::BlockPattern pattern;
@@ -276,6 +278,19 @@ int32_t teamslam_seen(int64_t variables, const int32_t* kinds, const uint8_t* tu
     return with_rows(order.kind, input, keys, residuals, linearise, [&](const teamslam::Sightings& sightings) {
       return teamslam::seen(order, {state, covariance}, sightings, most, little, seen_state, seen_covariance);
     });
+  });
+}
+
+int32_t teamslam_told(int64_t variables, const int32_t* kinds, const uint8_t* turns, const double* centre,
+                      const double* state, const double* covariance, int64_t map_variables, const int32_t* map_kinds,
+                      const double* map_state, const double* map_covariance, const int64_t* theirs, int64_t count,
+                      const int64_t* fresh, double* told_state, double* told_covariance) {
+  return guarded<int32_t>(-1, [&] {
+    const teamslam::Moving order(variables, kinds, turns, centre);
+    const std::vector<uint8_t> still(map_variables);
+    const teamslam::Moving map_order(map_variables, map_kinds, still.data(), std::array<double, 3>{}.data());
+    return teamslam::told({order, {state, covariance}}, {map_order, {map_state, map_covariance}}, theirs, count, fresh,
+                          told_state, told_covariance);
   });
 }
 

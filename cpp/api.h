@@ -96,6 +96,13 @@ TEAMSLAM_API int32_t teamslam_seen(int64_t variables, const int32_t* kinds, cons
                                    int32_t shared_whitening, const double* sensor, int32_t loss, double scale,
                                    int32_t keys, int64_t residuals, teamslam_linearise_rows linearise,
                                    int64_t most, double little, double* seen_state, double* seen_covariance);
+/* told (telling.hpp): landmarks of a map at the places `fresh`, for a filter of which `theirs` places in the map what does
+ * not turn, one each. */
+TEAMSLAM_API int32_t teamslam_told(int64_t variables, const int32_t* kinds, const uint8_t* turns, const double* centre,
+                                   const double* state, const double* covariance, int64_t map_variables,
+                                   const int32_t* map_kinds, const double* map_state, const double* map_covariance,
+                                   const int64_t* theirs, int64_t count, const int64_t* fresh, double* told_state,
+                                   double* told_covariance);
 
 /* Fixes the structure. sizes: free variables, blocks, values of H, unknowns, numbers of the linear system. */
 TEAMSLAM_API int32_t teamslam_freeze(teamslam_problem* problem, int64_t sizes[5]);

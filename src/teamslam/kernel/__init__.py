@@ -16,7 +16,7 @@ H d = g with H = sum J'W'WJ and g = sum J'W'We; the cost is sum rho(|We|^2), wit
 from teamslam.kernel.analysis import POSITIONS_HELP_FROM, Analysis
 from teamslam.kernel.condensation import Condensation
 from teamslam.kernel.factor import Factor, NotPositiveDefinite, Statistics
-from teamslam.kernel.filter import Gaussian, Rows, UserRows, moved, seen
+from teamslam.kernel.filter import Gaussian, Rows, UserRows, moved, seen, told
 from teamslam.kernel.library import set_threads, threads
 from teamslam.kernel.normal_equations import normal_equations
 from teamslam.kernel.pattern import BlockPattern
@@ -44,4 +44,5 @@ __all__ = [
     "set_threads",
     "table_arguments",
     "threads",
+    "told",
 ]

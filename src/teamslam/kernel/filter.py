@@ -1,4 +1,5 @@
-"""A robot's filter: its Gaussian moved to a new pose, and sharpened by rows, each in one call (cpp/filter.hpp)."""
+"""A robot's filter: its Gaussian moved to a new pose, sharpened by rows, and told what a map knows, each in one call
+(cpp/filter.hpp, cpp/telling.hpp)."""
 
 from collections.abc import Callable
 from ctypes import CFUNCTYPE, POINTER, c_double, c_int32, c_void_p, cast
@@ -8,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from teamslam.kernel.library import Floats, Integers, checked, floats, library
+from teamslam.errors import ModelError
+from teamslam.kernel.library import Floats, Integers, checked, floats, integers, library
 from teamslam.kernel.problem import DOFS, MOST_DOF, NUMBERS
 
 Sharpened = tuple[Floats, Floats] | None
@@ -56,6 +58,24 @@ def seen(given: Gaussian, rows: Rows, most: int, little: float) -> Sharpened:
     return _called(library.seen, given, rows, len(given.state), most, little)
 
 
+def told(given: Gaussian, known: Gaussian, theirs: Integers, fresh: Integers) -> Sharpened:
+    """State and covariance with the variables at the places `fresh` of a map at the end, given what does not turn in
+    `given`: the map holds these at the places `theirs`, one each. None where the map's covariance of these is not
+    positive. Raises ModelError for what does not fit."""
+    places = len(known.kinds)
+    held = integers("theirs", theirs, (len(given.turns) - int(np.count_nonzero(given.turns)),))
+    new = integers("fresh", fresh, (None,))
+    for name, found in (("theirs", held), ("fresh", new)):
+        if len(found) and not 0 <= found.min() <= found.max() < places:
+            raise ModelError(f"{name}: found places {found.min()} to {found.max()}, expected 0 to {places - 1}")
+    start, there = _arguments(given), _arguments(known)
+    more = there[0][new]
+    state, covariance = _room(len(start[3]) + int(NUMBERS[more].sum()), len(start[4]) + int(DOFS[more].sum()))
+    table = (places, there[0], there[3], there[4], held, len(new), new)
+    done = checked(library.told(len(start[0]), *start, *table, state, covariance))
+    return (state, covariance) if done else None
+
+
 def _called(function: Any, given: Gaussian, rows: Rows, numbers: int, *more: Any) -> Sharpened:
     if isinstance(rows, UserRows):
         return _with_user(function, given, rows, numbers, *more)
@@ -85,15 +105,23 @@ def _with_user(function: Any, given: Gaussian, rows: UserRows, numbers: int, *mo
 
 
 def _results(function: Any, given: Gaussian, table: tuple[Any, ...], more: tuple[Any, ...]) -> Sharpened:
+    start = _arguments(given)
+    state, covariance = _room(len(start[3]), len(start[4]))
+    done = checked(function(len(start[0]), *start, *table, *more, state, covariance))
+    return (state, covariance) if done else None
+
+
+def _arguments(given: Gaussian) -> tuple[NDArray[np.int32], NDArray[np.bool_], Floats, Floats, Floats]:
     kinds = np.ascontiguousarray(given.kinds, np.int32)
     n, dof = int(NUMBERS[kinds].sum()), int(DOFS[kinds].sum())
-    start = (
+    return (
         kinds,
         np.ascontiguousarray(given.turns, bool),
         floats("centre", given.centre, (2 + int(kinds[0]) % 2,)),
         floats("state", given.state, (n,)),
         floats("covariance", given.covariance, (dof, dof)),
     )
-    state, covariance = np.empty(n), np.empty((dof, dof))
-    done = checked(function(len(kinds), *start, *table, *more, state, covariance))
-    return (state, covariance) if done else None
+
+
+def _room(numbers: int, unknowns: int) -> tuple[Floats, Floats]:
+    return np.empty(numbers), np.empty((unknowns, unknowns))

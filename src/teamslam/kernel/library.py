@@ -47,6 +47,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "normal_equations": (I, [L, A, I, I, L, A, A, A, I, A, I, D, A, A, A, A]),
     "moved": (I, [L, A, A, A, A, A, I, I, L, A, A, A, I, A, I, D, I, L, P, A, I, I, A, A]),
     "seen": (I, [L, A, A, A, A, A, I, I, L, A, A, A, I, A, I, D, I, L, P, L, D, A, A]),
+    "told": (I, [L, A, A, A, A, A, L, A, A, A, A, L, A, A, A]),
     "freeze": (I, [P, A]),
     "pattern": (None, [P, A, A, A]),
     "linearise": (I, [P, A, L, A, A, A, A, A]),

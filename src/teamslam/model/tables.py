@@ -96,6 +96,11 @@ class Table(Sealed):
         return self.source, self.model, self.dim
 
     @cached_property
+    def own(self) -> BoolArray:
+        """Which of its keys (m, 2 or 1) are poses of the robot that measured."""
+        return np.asarray(robot_of(self.keys) == self.robot)
+
+    @cached_property
     def dof(self) -> int:
         """Numbers measured in all: rows of the whitened residual, without those that say nothing."""
         return int(ranks(self.whitening).sum()) * (1 if len(self.whitening) == len(self) else len(self))

@@ -5,15 +5,18 @@
 of the map's Gaussian (m, S) over the pose where the filter begins and the landmarks about it; s are those that the
 filter holds already, j one that it sees now for the first time. The filter that takes it in then holds what it would
 hold if it had carried it from the start, to first order and at a cost that goes with what it has seen, not with what
-may be seen.
+may be seen. The arithmetic is one call of the native kernel (cpp/telling.hpp).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import Array
+from teamslam.model import Kind
 from teamslam.robot.order import Order
+from teamslam.solver import Gaussian
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,21 +29,8 @@ class Ahead:
     state: Array
     covariance: Array
 
-    def conditional(self, known: IntArray, new: IntArray) -> tuple[Array, Array] | None:
-        """G and what is left over of the variables at places `new`, given those at places `known`; None where these
-        hang together so firmly that nothing can be said."""
-        s, j = self.order.columns(known), self.order.columns(new)
-        loose = np.diagonal(self.covariance)[s] > 0.0
-        G = np.zeros((len(j), len(s)))
-        across = self.covariance[np.ix_(s[loose], j)]
-        try:
-            G[:, loose] = np.linalg.solve(self.covariance[np.ix_(s[loose], s[loose])], across).T
-        except np.linalg.LinAlgError:
-            return None
-        return G, self.covariance[np.ix_(j, j)] - G[:, loose] @ across
-
-    def moved(self, known: IntArray, state: Array, new: IntArray, G: Array) -> Array:
-        """Where the variables at places `new` are, given the state of those at places `known`."""
-        held, come = self.order.only(known), self.order.only(new)
-        shift = held.minus(state, self.state[self.order.rows(known)])
-        return come.retract(self.state[self.order.rows(new)], G @ shift, np.zeros(2))
+    @cached_property
+    def numbers(self) -> Gaussian:
+        """As the kernel takes it."""
+        dim = Kind(int(self.order.kinds[0])).dim
+        return Gaussian(self.order.natively, self.order.turns, np.zeros(dim), self.state, self.covariance)

@@ -7,15 +7,15 @@
 
 with e and J of the rows, whitened and weighted, and d how far x has moved since the start of the update: it is
 repeated, linearised anew, while the sight of things turns by more than a little. All in the unknowns of `order`, in
-which what is new turns with the pose. `moved` and `seen` are one call each of the native kernel (cpp/filter.hpp), for
-sensors that people added as well: the kernel asks for their rows.
+which what is new turns with the pose. `moved`, `told` and `seen` are one call each of the native kernel
+(cpp/filter.hpp, cpp/telling.hpp), for sensors that people added as well: the kernel asks for their rows.
 
 What the filter forgets it has marginalised: a landmark that comes back enters as one that nobody knows, which loses
 what was known of it and counts nothing twice. So work is bounded by how many landmarks it may hold, whatever the
 mission; and as it begins anew from the map wherever a submap closes (`outlook`), its linearisations do not grow old.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,8 +25,9 @@ from teamslam.joining.start.targets import measured_poses, sightings
 from teamslam.model import Kind, Layout, Table, Values, is_landmark, pack, point_kind, pose_kind, unpack
 from teamslam.model.keys import WORLD
 from teamslam.robot.ahead import Ahead
+from teamslam.robot.changed import changed
 from teamslam.robot.order import Order, turning
-from teamslam.solver import Gaussian, moved, normal_equations, seen
+from teamslam.solver import Gaussian, moved, normal_equations, seen, told
 
 REPEATED = 3  # linearisations of one update at most
 LITTLE = 0.05  # [rad] by which the sight of things may turn before rows are linearised anew: half its square is lost
@@ -103,18 +104,17 @@ class Filter:
 
     def moved(self, table: Table) -> "Filter | None":
         """At the next pose, by relative poses between this one and that; None where they leave it open."""
-        measured = measured_poses(table if len(table) == 1 else table.select(np.zeros(1, np.int64)), self.kind.dim)
-        found = moved(self._numbers, self.key, table, pack(measured)[0])
+        found = moved(self._numbers, self.key, table, _first_step(table, self.kind.dim))
         if found is None:
             return None
         keys = table.keys[0].tolist()
         order = self.order.at(keys[1] if keys[0] == self.key else keys[0])
-        return replace(self, order=order, state=found[0], covariance=found[1])
+        return changed(self, order=order, state=found[0], covariance=found[1])
 
     @property
     def _numbers(self) -> Gaussian:
         """As the kernel takes it."""
-        return Gaussian(self.order.kinds, self.order.turns, self.centre, self.state, self.covariance)
+        return Gaussian(self.order.natively, self.order.turns, self.centre, self.state, self.covariance)
 
     # --- seeing ---------------------------------------------------------------------------------------------------
 
@@ -127,28 +127,22 @@ class Filter:
         marks = [k for k in marks if k not in self.told]
         if not marks:
             return self
-        mine = np.flatnonzero(~self.order.turns)
-        theirs = np.array([0, *(known[k] for k in self.order.keys[mine[1:]].tolist())])
+        mine = self.order.keys[~self.order.turns].tolist()  # the first is the pose where the map begins
+        theirs = np.array([0, *(known[k] for k in mine[1:])])
         new = np.array([known[k] for k in marks])
-        found = self.ahead.conditional(theirs, new)
+        found = told(self._numbers, self.ahead.numbers, theirs, new)
         if found is None:
             return self
-        G, left = found
-        across = G @ self.covariance[self.order.columns(mine)]
-        own = across[:, self.order.columns(mine)] @ G.T + left
-        there = self.ahead.moved(theirs, self.state[self.order.rows(mine)], new, G)
-        return replace(
-            self, order=self.order.plus(self.ahead.order.only(new)), state=np.concatenate([self.state, there]),
-            covariance=_grown(self.covariance, across, own),
+        return changed(
+            self, order=self.order.plus(self.ahead.order.only(new)), state=found[0], covariance=found[1],
             told=self.told | frozenset(marks),
         )  # fmt: skip
 
     def entered(self, table: Table) -> "Filter":
         """With the landmarks that a table's rows see whole from this pose and that were not in it yet; each by its
         first row."""
-        targets = table.keys[:, 1]
-        new = np.fromiter((int(k) not in self.order.place for k in targets), bool, len(targets))
-        new[new] &= is_landmark(targets[new])
+        targets, held = table.keys[:, 1], self.order.place
+        new = np.array([key not in held for key in targets.tolist()]) & is_landmark(targets)
         if not new.any():
             return self
         fresh = table.select(new) if not new.all() else table
@@ -192,7 +186,7 @@ class Filter:
         own = across[:, :n] @ F.T + Q
         covariance = _grown(self.covariance, across, own)
         order = self.order.plus(Order(keys, kinds, np.ones(len(keys), bool)))
-        return replace(self, order=order, state=np.concatenate([self.state, states.ravel()]), covariance=covariance)
+        return changed(self, order=order, state=np.concatenate([self.state, states.ravel()]), covariance=covariance)
 
     def seen(self, table: Table) -> "Filter":
         """Sharpened by the rows of a table that see what it holds from this pose."""
@@ -212,7 +206,7 @@ class Filter:
             found = seen(self._numbers, self.order.keys, table, index, REPEATED, LITTLE)
         except ModelError:  # kinds that the model does not relate: the submap's business
             return self
-        return self if found is None else replace(self, state=found[0], covariance=found[1])
+        return self if found is None else changed(self, state=found[0], covariance=found[1])
 
     # --- forgetting -----------------------------------------------------------------------------------------------
 
@@ -225,10 +219,17 @@ class Filter:
         away = np.sum((places - self.state[:2]) ** 2, -1)
         kept = np.concatenate([np.arange(first), first + np.sort(np.argsort(away, kind="stable")[:most])])
         columns = self.order.columns(kept)
-        return replace(
+        return changed(
             self, order=self.order.only(kept), state=self.state[self.order.rows(kept)],
             covariance=self.covariance[np.ix_(columns, columns)],
         )  # fmt: skip
+
+
+def _first_step(table: Table, dim: int) -> Array:
+    """What the first row of relative poses measured between two bodies, as a pose's numbers."""
+    if table.row.measures_pose and table.sensor is None and table.dim == dim:
+        return table.values[0]
+    return pack(measured_poses(table.select(np.zeros(1, np.int64)), dim))[0]
 
 
 def _charted(turned: Array) -> Array:

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, lift_tangent, rotations
 from teamslam.model import Kind, is_landmark, unpack
 from teamslam.model.layout import KIND_DOF, KIND_SIZE, rows_of
 
 Part = tuple[Kind, bool, IntArray, IntArray]
-SHARED = ("unknowns", "numbers", "place", "parts", "first")  # they do not depend on what the pose of now is called
+SHARED = ("unknowns", "numbers", "natively", "place", "parts", "first")  # they do not depend on what the pose of now is called
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,11 @@ class Order:
     def numbers(self) -> IntArray:
         """First number in the state of each, and the total."""
         return np.concatenate([[0], np.cumsum(KIND_SIZE[self.kinds])])
+
+    @cached_property
+    def natively(self) -> NDArray[np.int32]:
+        """The kinds as the kernel takes them."""
+        return self.kinds.astype(np.int32)
 
     @cached_property
     def first(self) -> int:

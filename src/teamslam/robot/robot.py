@@ -17,6 +17,7 @@ does not wait for closing, building and joining, which take a robot as it stands
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.build.split import MIN_POSES, apart, cuts_along, refuse_borrowed
 from teamslam.model import Dataset, Names, Table, index_of, pose_key
 from teamslam.model.keys import MAX_INDEX
+from teamslam.robot.changed import changed
 from teamslam.robot.filter import Filter
 from teamslam.robot.rows import ALWAYS, Batch, batches, divided, head_of, inserted, log_of, not_yet, poses_in, rank_of
 from teamslam.robot.trail import Pace, Trail, along, begun_with, with_row
@@ -125,7 +127,7 @@ class Robot:
     @property
     def horizon(self) -> int:
         """In ticks."""
-        return int(np.ceil(self.options.horizon_s / self.head.names.tick_s))
+        return ceil(self.options.horizon_s / self.head.names.tick_s)
 
     @property
     def settled(self) -> int:
@@ -163,7 +165,7 @@ class Robot:
     def step(self, tables: Iterable[Table]) -> "Robot":
         """The robot after some rows. Raises ModelError for rows that none of its channels brings, or that were taken
         from another robot's pose."""
-        robot = replace(self, took=())
+        robot = changed(self, took=())
         for batch in sorted((b for table in tables for b in batches(self.head, table)), key=rank_of):
             refuse_borrowed(batch.table, self.head.names)
             robot = robot._take(batch)
@@ -203,10 +205,10 @@ class Robot:
         fresh, again = not_yet(self.open, batch)
         counts = self.counts.with_more(taken=len(fresh.table), repeated=again)
         if not len(fresh.table):
-            return replace(self, counts=counts)
+            return changed(self, counts=counts)
         rows, newest = inserted(self.open, fresh), max(self.newest, fresh.time)
         trail = with_row(self.trail, rows, fresh, self._pace(newest))
-        return replace(self, open=rows, newest=newest, counts=counts, took=(*self.took, fresh.table), trail=trail)
+        return changed(self, open=rows, newest=newest, counts=counts, took=(*self.took, fresh.table), trail=trail)
 
     def _reopen(self, number: int, batch: Batch) -> "Robot":
         piece = self.closed[number]

@@ -37,8 +37,9 @@ class Batch:
     @cached_property
     def taken(self) -> tuple[int, int]:
         """The first and the last pose that its rows were taken from (`taken_from`)."""
-        found = taken_from(self.table).tolist()
-        return min(found), max(found)
+        at = self.table.keys.min(1) if self.moves else self.table.keys[:, 0]
+        first, last = int(at.min()), int(at.max())
+        return first if first > MAX_INDEX else ALWAYS, last if last > MAX_INDEX else ALWAYS
 
     @property
     def earliest(self) -> int:
@@ -76,7 +77,7 @@ def batches(head: Dataset, table: Table) -> list[Batch]:
     channel = channel_of(head, table)
     if not len(table):
         return []
-    own = robot_of(table.keys) == table.robot
+    own = table.own
     moves = own.all(1) & (not table.row.unary)
     stamps = np.where(own, index_of(table.keys), ALWAYS).max(1)
     if (stamps == stamps[0]).all() and (moves == moves[0]).all():
@@ -123,6 +124,8 @@ def inserted(held: tuple[Batch, ...], batch: Batch) -> tuple[Batch, ...]:
 def not_yet(held: Sequence[Batch], batch: Batch) -> tuple[Batch, int]:
     """A batch without the rows that are there already, and how many these are."""
     here = (batch.time, not batch.moves, batch.channel)
+    if not held or held[-1].rank < here:
+        return batch, 0
     first, stop = (bisect_left(held, (*here, edge), key=rank_of) for edge in (-1, MAX_INDEX))
     known = [held[n].table.ids for n in range(first, stop)]
     again = np.isin(batch.table.ids, np.concatenate(known)) if known else np.zeros(len(batch.table), bool)

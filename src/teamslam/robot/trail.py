@@ -91,15 +91,15 @@ def _with_new(before: Filter, seen: Filter, table: Table) -> Filter:
 
 def _moved(filter_: Filter, table: Table, pace: Pace) -> Filter:
     """Along the relative poses between the pose of the filter and the next one; others (loop closures) are for maps."""
-    keys = np.sort(table.keys, 1)
-    onward = (keys[:, 0] == filter_.key) & (keys[:, 1] > filter_.key)
-    if not onward.any():
-        if keys[:, 0].max() <= filter_.key:
+    pairs = [sorted(keys) for keys in table.keys.tolist()]
+    onward = [first == filter_.key < last for first, last in pairs]
+    if not any(onward):
+        start = max(first for first, _ in pairs)
+        if start <= filter_.key:
             return filter_
-        start = int(keys[:, 0].max())
-        filter_, onward = Filter.at(start, pace.dim), keys[:, 0] == start
-    moved = filter_.moved(table if onward.all() else table.select(onward))
-    return moved or Filter.at(int(keys[onward, 1].max()), pace.dim)
+        filter_, onward = Filter.at(start, pace.dim), [first == start for first, _ in pairs]
+    moved = filter_.moved(table if all(onward) else table.select(np.array(onward)))
+    return moved or Filter.at(max(last for (_, last), on in zip(pairs, onward, strict=True) if on), pace.dim)
 
 
 def _thinned(trail: Trail, pace: Pace) -> Trail:

@@ -3,7 +3,7 @@
 from teamslam.kernel import Gaussian
 from teamslam.solver.condensed import Condensed
 from teamslam.solver.covariance import Covariances
-from teamslam.solver.dense import moved, normal_equations, seen
+from teamslam.solver.dense import moved, normal_equations, seen, told
 from teamslam.solver.graduated import Graduated, optimise_graduated
 from teamslam.solver.linear import Factor, Matrix, block_matrix
 from teamslam.solver.numeric import linearise_numerically
@@ -43,4 +43,5 @@ __all__ = [
     "refuse_rounding",
     "seen",
     "side_by_side",
+    "told",
 ]

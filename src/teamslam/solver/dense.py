@@ -48,6 +48,15 @@ def seen(
     return kernel.seen(given, _rows(table, index, keys, given.kinds), most, little)
 
 
+def told(given: Gaussian, known: Gaussian, theirs: IntArray, fresh: IntArray) -> tuple[Array, Array] | None:
+    """State and covariance of a robot's filter with more variables at its end: those at the places `fresh` of what a
+    map knows, given what the filter holds of it. That is what does not turn in it, at the places `theirs` in the map.
+
+    None where these hang together so firmly that nothing can be said. Raises ModelError where kinds differ.
+    """
+    return kernel.told(given, known, theirs, fresh)
+
+
 def _rows(table: Table, index: IntArray, keys: IntArray, kinds: IntArray) -> kernel.Rows:
     if table.row.native:
         return kernel.table_arguments(*_native(table, index))

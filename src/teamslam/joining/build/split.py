@@ -102,7 +102,7 @@ def stretches(log: Dataset, ends: IntArray) -> list[Dataset]:
 
 def refuse_borrowed(table: Table, names: Names) -> None:
     """Raise ModelError where a row in a robot's table was taken from another robot's pose."""
-    own = (robot_of(table.keys) == table.robot).any(1)
+    own = table.own.any(1)
     if table.row.unary or own.all():
         return
     row = int(np.flatnonzero(~own)[0])
@@ -133,7 +133,7 @@ def _cuts(variance: Array, poses_per_piece: int | None, heading_sigma: float | N
 def taken_from(table: Table) -> IntArray:
     """The pose (m,) that each row was taken from: of a row between two of the robot's own, the earlier. What was not
     taken from a pose (a landmark that was surveyed) has -1: it goes with the robot's first."""
-    own = (robot_of(table.keys) == table.robot).all(1)
+    own = table.own.all(1)
     at = np.where(own, table.keys.min(1), table.keys[:, 0])
     return np.where(is_pose(at), at, -1)
 
