@@ -9,9 +9,12 @@ from hypothesis import strategies as st
 
 import filtered
 from sightings import MARKS, OBSERVERS, OTHERS, SETTINGS, Setting, every_table, table_of, world
+from teamslam.errors import ModelError
 from teamslam.model import LOSSES, MODELS, Loss, Model, Table, Values
 from teamslam.robot import Filter
+from teamslam.robot.ahead import Ahead
 from teamslam.robot.order import Order
+from teamslam.solver import told
 
 SEEDS = st.integers(0, 10_000)
 
@@ -28,7 +31,7 @@ def filter_of(rng: np.random.Generator, setting: Setting, values: Values, know: 
         rng.normal(size=setting.robot.dim),
     )
     root = know * rng.normal(size=(int(order.unknowns[-1]),) * 2) / np.sqrt(order.unknowns[-1])
-    there = order.retract(state, root @ rng.normal(size=len(root)), centre)
+    there = filtered.retract(order, state, root @ rng.normal(size=len(root)), centre)
     return Filter(int(keys[0]), order, there, root @ root.T, centre)
 
 
@@ -78,6 +81,45 @@ def test_where_it_moves(setting: Setting, seed: int, rows: int, back: bool) -> N
     close(found, filtered.moved(filter_, table, filter_.pose @ start), 1.0)
     assert found is not None and found.key == OBSERVERS[2]
     np.testing.assert_allclose(found.pose_covariance, filtered.pose_covariance(found), atol=1e-15)
+
+
+@settings(max_examples=20, deadline=None)
+@given(setting=st.sampled_from(SETTINGS), seed=SEEDS, framed=st.booleans())
+def test_what_it_is_told(setting: Setting, seed: int, framed: bool) -> None:
+    """Of a map that has others and more, in another order; `framed`: in the frame of the pose where the filter
+    began."""
+    rng = np.random.default_rng(seed)
+    values = world(rng, setting)
+    filter_ = filter_of(rng, setting, values, 0.1)
+    mine = np.flatnonzero(~filter_.order.turns)
+    unknown = np.flatnonzero(filter_.order.turns)[1:]
+    places = np.concatenate([mine[:1], rng.permutation(np.concatenate([mine[1:], unknown]))])
+    order = filter_.order.only(places)
+    order = Order(order.keys, order.kinds, np.zeros(len(places), bool))
+    root = 0.1 * rng.normal(size=(int(order.unknowns[-1]),) * 2)
+    if framed:
+        root[: int(order.unknowns[1])] = 0.0
+    state = filtered.retract(
+        order, filter_.state[filter_.order.rows(places)], 0.1 * rng.normal(size=len(root)), np.zeros(2)
+    )
+    ahead = Ahead(int(order.keys[0]), order, state, root @ root.T)
+    theirs = np.array([places.tolist().index(place) for place in mine])
+    fresh = rng.permutation(np.setdiff1d(np.arange(len(places)), theirs))
+    found = told(filter_._numbers, ahead.numbers, theirs, fresh)
+    assert found is not None
+    for mine_, expected in zip(found, filtered.told(filter_, ahead, theirs, fresh), strict=True):
+        np.testing.assert_allclose(mine_, expected, rtol=1e-7, atol=1e-7 * max(1.0, np.abs(expected).max()))
+    assert (found[1] == found[1].T).all()
+
+
+def test_what_is_told_is_checked() -> None:
+    rng = np.random.default_rng(6)
+    filter_ = filter_of(rng, SETTINGS[0], world(rng, SETTINGS[0]), 0.1)
+    mine = np.flatnonzero(~filter_.order.turns)
+    with pytest.raises(ModelError, match="fresh: found places 99 to 99, expected 0 to 9"):
+        told(filter_._numbers, filter_._numbers, mine, np.array([99]))
+    with pytest.raises(ModelError, match="theirs: found shape"):
+        told(filter_._numbers, filter_._numbers, mine[:0], np.array([3]))
 
 
 @pytest.mark.parametrize("setting", SETTINGS[:3])

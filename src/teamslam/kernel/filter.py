@@ -22,7 +22,7 @@ class Gaussian(NamedTuple):
     """Variables of `kinds` (n,), of which the first is the pose of now and those that turn (`turns` (n,)) turn
     with it about a `centre`; their `state`, and the `covariance` of their unknowns, both triangles."""
 
-    kinds: Integers
+    kinds: NDArray[np.integer[Any]]
     turns: NDArray[np.bool_]
     centre: Floats
     state: Floats

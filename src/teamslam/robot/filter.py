@@ -228,8 +228,8 @@ class Filter:
 def _first_step(table: Table, dim: int) -> Array:
     """What the first row of relative poses measured between two bodies, as a pose's numbers."""
     if table.row.measures_pose and table.sensor is None and table.dim == dim:
-        return table.values[0]
-    return pack(measured_poses(table.select(np.zeros(1, np.int64)), dim))[0]
+        return np.asarray(table.values[0])
+    return np.asarray(pack(measured_poses(table.select(np.zeros(1, np.int64)), dim))[0])
 
 
 def _charted(turned: Array) -> Array:

@@ -18,12 +18,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from teamslam.geometry import Array, BoolArray, IntArray, Pose, lift_tangent, rotations
-from teamslam.model import Kind, is_landmark, unpack
+from teamslam.geometry import Array, BoolArray, IntArray, lift_tangent, rotations
+from teamslam.model import Kind, is_landmark
 from teamslam.model.layout import KIND_DOF, KIND_SIZE, rows_of
 
-Part = tuple[Kind, bool, IntArray, IntArray]
-SHARED = ("unknowns", "numbers", "natively", "place", "parts", "first")  # they do not depend on what the pose of now is called
+SHARED = ("unknowns", "numbers", "natively", "place", "first")  # they do not depend on what the pose of now is called
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,19 +62,6 @@ class Order:
         """The place of each landmark."""
         return {key: n for n, key in enumerate(self.keys.tolist()) if n >= self.first}
 
-    @cached_property
-    def parts(self) -> list[Part]:
-        """Of each kind that there is, those that turn and those that do not: their numbers in the state (n, size) and
-        their unknowns (n, dof)."""
-        out = []
-        for kind in map(Kind, np.unique(self.kinds).tolist()):
-            for turns in (False, True):
-                at = np.flatnonzero((self.kinds == kind) & (self.turns == turns))
-                if len(at):
-                    numbers, unknowns = self.numbers[at, None], self.unknowns[at, None]
-                    out.append((kind, turns, numbers + np.arange(kind.size), unknowns + np.arange(kind.dof)))
-        return out
-
     def columns(self, places: IntArray) -> IntArray:
         """The unknowns of the variables at some places."""
         return rows_of(self.unknowns[places], KIND_DOF[self.kinds[places]])
@@ -104,51 +90,6 @@ class Order:
             np.concatenate([self.keys, other.keys]), np.concatenate([self.kinds, other.kinds]),
             np.concatenate([self.turns, other.turns]),
         )  # fmt: skip
-
-    # --- moving ---------------------------------------------------------------------------------------------------
-
-    def turning(self, state: Array, centre: Array) -> Array:
-        """How all unknowns of the mixed chart move as those that turn turn about the centre: (unknowns, axes)."""
-        dim = len(centre)
-        out = np.zeros((int(self.unknowns[-1]), rotations(dim).DOF))
-        for kind, turns, numbers, unknowns in self.parts:
-            if turns:
-                out[unknowns] = turning(kind, state[numbers], centre)
-        return out
-
-    def retract(self, state: Array, delta: Array, centre: Array) -> Array:
-        """x (+) delta, by the formulas above, on the numbers themselves."""
-        out, d, n = state.copy(), len(centre), int(KIND_DOF[self.kinds[0]])
-        half = rotations(d).exp(0.5 * delta[d:n]) if self.turns[0] else np.eye(d)
-        turn = half @ half
-        for kind, turns, numbers, unknowns in self.parts:
-            e, there, step = kind.dim, state[numbers], delta[unknowns]
-            if turns:
-                there[:, :d] = (there[:, :d] - centre) @ turn.T + centre
-                step[:, :d] = step[:, :d] @ half.T
-            there[:, :e] += step[:, :e]
-            if kind.is_pose:
-                rotation = there[:, e:].reshape(-1, e, e)
-                if turns:
-                    rotation[:, :d] = turn @ rotation[:, :d]
-                if turns and unknowns[0, 0] == 0:
-                    step[0, e:] = 0.0  # its turn is that of all
-                if step[:, e:].any():
-                    rotation = rotation @ rotations(e).exp(step[:, e:])
-                there[:, e:] = rotation.reshape(len(there), -1)
-            out[numbers] = there
-        return out
-
-    def minus(self, state: Array, other: Array) -> Array:
-        """x (-) y in the mixed chart, of variables each by itself."""
-        out = np.zeros(int(self.unknowns[-1]))
-        for kind, _, numbers, unknowns in self.parts:
-            here, there = unpack(state[numbers], kind), unpack(other[numbers], kind)
-            if isinstance(here, Pose) and isinstance(there, Pose):
-                out[unknowns] = here.minus(there)
-            else:
-                out[unknowns] = state[numbers] - other[numbers]
-        return out
 
 
 def turning(kind: Kind, state: Array, centre: Array) -> Array:
