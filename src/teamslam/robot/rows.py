@@ -78,7 +78,7 @@ def batches(head: Dataset, table: Table) -> list[Batch]:
     if not len(table):
         return []
     own = table.own
-    moves = own.all(1) & (not table.row.unary)
+    moves = np.asarray(own.all(1) & (not table.row.unary))
     stamps = np.where(own, index_of(table.keys), ALWAYS).max(1)
     if (stamps == stamps[0]).all() and (moves == moves[0]).all():
         return [Batch(int(stamps[0]), bool(moves[0]), channel, table)]

@@ -4,7 +4,7 @@ rest)."""
 import numpy as np
 
 from teamslam import kernel
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import AnyArray, Array, IntArray
 from teamslam.kernel import Gaussian
 from teamslam.model import Layout, Table, Values, pack
 from teamslam.model.layout import KIND_SIZE, rows_of
@@ -57,9 +57,10 @@ def told(given: Gaussian, known: Gaussian, theirs: IntArray, fresh: IntArray) ->
     return kernel.told(given, known, theirs, fresh)
 
 
-def _rows(table: Table, index: IntArray, keys: IntArray, kinds: IntArray) -> kernel.Rows:
+def _rows(table: Table, index: IntArray, keys: IntArray, kinds: AnyArray) -> kernel.Rows:
     if table.row.native:
         return kernel.table_arguments(*_native(table, index))
+    kinds = np.asarray(kinds, np.int64)
     used = np.unique(index)
     sizes = KIND_SIZE[kinds]
     numbers = rows_of((np.cumsum(sizes) - sizes)[used], sizes[used])
