@@ -1,7 +1,9 @@
 """What a robot hears under its own ids: from before, when its journal is gone, or of another robot of its number."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -11,6 +13,7 @@ from teamslam.robot.forms import FORMS, VERSIONS, Form
 from teamslam.robot.link.memory import Air, Weather
 from teamslam.robot.namesakes import tells
 from teamslam.robot.peer import Habits, Peer
+from teamslam.robot.scribe import Scribe
 from teamslam.wire.messages import send
 from worlds import team
 
@@ -90,6 +93,32 @@ def test_two_robots_that_make_the_same_in_two_forms_do_not_outbid_each_other_for
     peers = [Peer(1).with_submaps(ONE), Peer(1, Habits(rate=SHORT)).with_submaps(ONE), Peer(2)]
     after = talked(peers, 400)
     assert len({peer.root for peer in after}) == 1 and not any(peer.unmade for peer in after)
+
+
+class Later(Executor):
+    """Calls a function when it is told to."""
+
+    def __init__(self) -> None:
+        self.calls: list[Callable[[], None]] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **_: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.calls.append(lambda: future.set_result(fn(*args)))
+        return future
+
+
+@pytest.mark.parametrize("made", [0, 1, len(ONE)])
+def test_who_goes_on_from_its_journal_comes_to_rest_once_it_knows_what_is_its_own(made: int) -> None:
+    """Also where all is there already, and what it learns is no more than that."""
+    before = Peer(1).with_submaps(ONE[:made])
+    peer = Peer(1).recalling(c.body for c in before.bodies.values()).owning(ONE)
+    scribe, later = Scribe(executor := Later()), 0
+    peer = scribe.attend(peer)
+    assert scribe.busy(peer)
+    while later < len(executor.calls):
+        executor.calls[later]()
+        peer, later = scribe.attend(peer), later + 1
+    assert not scribe.busy(peer) and not peer.unmade and later == 1
 
 
 def test_what_is_held_in_a_newer_version_is_said() -> None:

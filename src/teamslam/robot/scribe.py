@@ -22,7 +22,7 @@ class Scribe:
 
     def busy(self, peer: Peer) -> bool:
         """Whether something is being made, or yet to be."""
-        if not _same(self._asked, asked := (peer.own, peer.known, peer.held)):
+        if not _same(self._asked, asked := (peer.own, peer.known, peer.held, peer.mine)):
             self._asked, self._unmade = asked, bool(peer.unmade)
         return self._round is not None or self._unmade
 
@@ -38,7 +38,7 @@ class Scribe:
             except BrokenExecutor:  # made at once from now on
                 self._executor, self._seen = None, ()
             self._round = None
-        while not _same(self._seen, seen := (peer.own, peer.known, peer.held, peer.announced_s)):
+        while not _same(self._seen, seen := (peer.own, peer.known, peer.held, peer.mine, peer.announced_s)):
             self._seen = seen
             if not (orders := peer.orders):
                 break
