@@ -1,9 +1,13 @@
 """Names that lie beyond doubt are put right without being asked for, and nobody else is accused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import faults
+import tagged_room
+import teamslam as ts
 from teamslam.joining import join
 from teamslam.model import Dataset
 from teamslam.pipeline import run
@@ -44,6 +48,22 @@ def test_a_number_that_was_misread_bends_no_map(plant: tuple[str, int, int | Non
     found, true = result.scores[0], honest.scores[0]
     assert found.robot_position_rmse_m < 1.3 * true.robot_position_rmse_m
     assert found.nees_per_dof == pytest.approx(true.nees_per_dof, rel=0.25)
+
+
+@pytest.mark.slow
+def test_a_tag_that_was_moved_before_two_robots_is_told_to_be_that(tmp_path: Path) -> None:
+    """Each of them saw it at both places about as often, and a loss that forgives lets one believe in the first and the
+    other in the second: it is one landmark that was moved, and no name that lies."""
+    room = tagged_room.make(2, 24.0, 2.0)
+    rotation, place = room.walls[0]
+    room.moved[0] = (
+        len(room.ticks_ns) // 2,
+        (rotation, place + rotation @ [np.sign(rotation[1, 0] * -place[1]), 0, 0]),
+    )
+    result = run(ts.read(tagged_room.write(room, tmp_path / "team", seed=2)))
+    (cause,) = result.apart
+    assert cause.kind == "landmark" and "landmark 0 was moved by 1.00 m" in cause.sentence
+    assert result.verdict.level in ("fits", "loose") and not [*result.suspicions.sentences()]
 
 
 @pytest.mark.parametrize("preset", ["2d", "planar", "3d"])

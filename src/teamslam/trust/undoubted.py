@@ -7,11 +7,15 @@ They are put right without being asked for; what is less sure is told, and left 
 from collections.abc import Sequence
 from math import log
 
+import numpy as np
+
 from teamslam.errors import TeamslamError
-from teamslam.joining import Joined, build, split
-from teamslam.model import Dataset, Submap
+from teamslam.geometry import BoolArray
+from teamslam.joining import AtMap, Joined, build, join, split
+from teamslam.model import Dataset, Submap, Table
 from teamslam.trust.cause import Cause
 from teamslam.trust.evidence import most_to_gain
+from teamslam.trust.fit import mistakes
 from teamslam.trust.influence.liars import fit_of
 from teamslam.trust.labels.renaming import Renaming
 from teamslam.trust.labels.search import Finding
@@ -45,7 +49,30 @@ def named_beyond_doubt(
             return (), suspected
         still = {label.change for label in again if _is_sure(label)}
         found = [label for label in found if label.change in still]
-    return tuple(_cause(label, suspected) for label in found), suspected
+    moved = _moved(dataset, found)
+    return moved or tuple(_cause(label, suspected) for label in found), suspected
+
+
+def _moved(dataset: Dataset, found: Sequence[Finding]) -> tuple[Cause, ...]:
+    """The landmarks that were moved while robots saw them, told at the map without the sightings by which they are
+    elsewhere: where a loss forgives, each robot may believe in another place, and nothing in its own map is wrong."""
+    gone = [(label.change.robot, label.change.one) for label in found if label.change.kind == "apart"]
+    if not gone:
+        return ()
+    try:
+        kept = [table.select(~_names(table, gone)) for table in dataset.tables]
+        rest = join([build(piece) for piece in split(dataset.with_tables(t for t in kept if len(t)))])
+        at = [AtMap(dataset.tables, component.map) for component in rest.components]
+        told = mistakes(dataset, rest, at)
+    except TeamslamError:
+        return ()
+    return tuple(cause for cause in told if cause.kind == "landmark" and cause.mend is not None)
+
+
+def _names(table: Table, which: Sequence[tuple[int, int]]) -> BoolArray:
+    """The rows in which a robot sees a landmark of these."""
+    hit = [table.keys[:, -1] == mark for robot, mark in which if robot == table.robot]
+    return np.asarray(np.any([np.zeros(len(table), bool), *hit], axis=0))
 
 
 def _is_sure(label: Finding) -> bool:

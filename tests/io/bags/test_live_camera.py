@@ -56,6 +56,16 @@ def test_a_film_is_the_same_rows_as_it_is_shot_and_as_a_recording(folder: Path, 
     assert channels == [(t.source, t.kind, t.loss) for t in recorded.tables]
 
 
+def test_images_exposed_before_a_film_begins_are_counted(folder: Path) -> None:
+    """Stamps of a film begin at 0, and a camera that stamps late exposed its first image before."""
+    late = folder / "late.toml"
+    late.write_text(team(folder, 0.0).read_text().replace("delay_s = -0.02", "delay_s = 0.02"))
+    log = ts.read(late)
+    assert len(log.pose_keys[1]) == FRAMES - 1
+    assert [(lost.count, "exposed before 0 s" in lost.reason) for lost in log.dropped] == [(2, True)]
+    assert len(list(LiveCamera(late, str(folder / "film.avi")).rows())) == FRAMES - 1
+
+
 def test_what_is_no_camera_is_told(folder: Path) -> None:
     path = team(folder, 0.25)
     with pytest.raises(InputError, match="no camera films at"):

@@ -107,7 +107,9 @@ class Seen:
                 ignored = ignored | twice
             outside = ~ignored & ~mended & ~view.camera.rays(view.corners.corners)[1].all(-1)
             book.drop(outside, f"{where} beyond what the calibration covers")
-            views.append(view.select(~ignored & ~mended & ~outside))
+            early = ~ignored & ~mended & ~outside & (view.ticks < 0)
+            book.drop(early, f"{where} in images that were exposed before 0 s, since they are stamped late (delay_s)")
+            views.append(view.select(~ignored & ~mended & ~outside & ~early))
         ids = np.concatenate([np.zeros(0, np.int64), *(v.corners.ids for v in views)])
         bodies = Counter(carried[n].carrier if n in carried else str(n) for n in ids.tolist())
         few = np.array(
