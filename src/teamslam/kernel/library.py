@@ -13,6 +13,7 @@ from teamslam.errors import ModelError, TeamslamError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+_FLOAT = np.dtype(np.float64)
 
 
 class Numbers:
@@ -153,6 +154,10 @@ def checked(result: int) -> int:
 
 def floats(name: str, given: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:
     """`given` as contiguous float64 of one of the shapes (None: any length). Raises ModelError."""
+    if (
+        isinstance(given, np.ndarray) and given.dtype == _FLOAT and given.shape in shapes
+    ):  # small ones come by the thousand
+        return np.ascontiguousarray(given)
     return np.ascontiguousarray(_array(name, given, "fiu", "float64", shapes), np.float64)
 
 

@@ -78,7 +78,7 @@ class Filter:
     @property
     def kind(self) -> Kind:
         """Of that pose."""
-        return Kind(int(self.order.kinds[0]))
+        return self.order.kind
 
     @property
     def pose(self) -> Pose:
@@ -142,7 +142,10 @@ class Filter:
         """With the landmarks that a table's rows see whole from this pose and that were not in it yet; each by its
         first row."""
         targets, held = table.keys[:, 1], self.order.place
-        new = np.array([key not in held for key in targets.tolist()]) & is_landmark(targets)
+        unheld = [key not in held for key in targets.tolist()]
+        if not any(unheld):
+            return self
+        new = np.array(unheld) & is_landmark(targets)
         if not new.any():
             return self
         fresh = table.select(new) if not new.all() else table
@@ -193,15 +196,15 @@ class Filter:
         if table.row.unary:
             if self.frame != WORLD:
                 return self
-            known, index = table.keys[:, 0] == self.key, np.zeros((len(table), 1), np.int64)
+            known, index = [key == self.key for (key,) in table.keys.tolist()], np.zeros((len(table), 1), np.int64)
         else:
-            index = np.zeros((len(table), 2), np.int64)
-            index[:, 1] = [self.order.place.get(key, 0) for key in table.keys[:, 1].tolist()]
-            known = index[:, 1] > 0
-        if not known.any():
+            known = [self.order.place.get(key, 0) for key in table.keys[:, 1].tolist()]
+            index = np.array([(0, place) for place in known])
+        if not any(known):
             return self
-        if not known.all():
-            table, index = table.select(known), index[known]
+        if not all(known):
+            rows = np.array(known, bool)
+            table, index = table.select(rows), index[rows]
         try:
             found = seen(self._numbers, self.order.keys, table, index, REPEATED, LITTLE)
         except ModelError:  # kinds that the model does not relate: the submap's business

@@ -22,7 +22,8 @@ from teamslam.geometry import Array, BoolArray, IntArray, lift_tangent, rotation
 from teamslam.model import Kind, is_landmark
 from teamslam.model.layout import KIND_DOF, KIND_SIZE, rows_of
 
-SHARED = ("unknowns", "numbers", "natively", "place", "first")  # they do not depend on what the pose of now is called
+# They do not depend on what the pose of now is called.
+SHARED = ("unknowns", "numbers", "natively", "kind", "place", "first")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,11 @@ class Order:
     def natively(self) -> NDArray[np.int32]:
         """The kinds as the kernel takes them."""
         return self.kinds.astype(np.int32)
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Of the pose of now."""
+        return Kind(int(self.kinds[0]))
 
     @cached_property
     def first(self) -> int:
@@ -100,7 +106,8 @@ def turning(kind: Kind, state: Array, centre: Array) -> Array:
     out[:, :d] = ((state[:, :d] - centre) @ levers).reshape(len(state), d, -1)
     if kind.is_pose:
         rotation = state[:, e:].reshape(-1, e, e)
-        out[:, e:] = rotations(e).adjoint(np.swapaxes(rotation, -1, -2)) @ upright
+        turned = rotations(e).adjoint(np.swapaxes(rotation, -1, -2))
+        out[:, e:] = turned if d == e else turned @ upright
     return out
 
 

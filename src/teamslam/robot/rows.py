@@ -37,8 +37,8 @@ class Batch:
     @cached_property
     def taken(self) -> tuple[int, int]:
         """The first and the last pose that its rows were taken from (`taken_from`)."""
-        at = self.table.keys.min(1) if self.moves else self.table.keys[:, 0]
-        first, last = int(at.min()), int(at.max())
+        at = [min(keys) if self.moves else keys[0] for keys in self.table.keys.tolist()]
+        first, last = min(at), max(at)
         return first if first > MAX_INDEX else ALWAYS, last if last > MAX_INDEX else ALWAYS
 
     @property
