@@ -12,6 +12,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from teamslam.fleet import Member
+from teamslam.given_back import give_back
 from teamslam.model import Names, Table
 from teamslam.robot.journal import Journal
 from teamslam.robot.line import Line
@@ -19,6 +20,7 @@ from teamslam.robot.peer import EVERYONE
 
 BEAT_S = 0.02  # between two looks at the link
 STATUS_S = 0.5  # between two reports
+TIDY_S = 30.0  # between two times that free memory is given back, while it stands
 HEARD_AT_ONCE = 4  # packets: no flood of them makes a row wait for long
 
 
@@ -36,6 +38,7 @@ class Driver:
     kept: set[bytes] = field(default_factory=set)
     may_be_lost: bool = False
     reported_s: float = -1e300
+    tidied_s: float = -1e300
 
     def drive(self, arrivals: Iterable[tuple[float, list[Table]]], speed: float | None) -> bool:
         """All rows at their time (at once where `speed` is None; without rows it only listens), and on until it is to
@@ -60,6 +63,7 @@ class Driver:
         self.parked = True
         while not self.leave():
             self.beat()
+            self._tidy()
             sleep(BEAT_S)
         self.member.round_off()
         self.beat()
@@ -72,6 +76,12 @@ class Driver:
         if monotonic() - self.reported_s >= STATUS_S or self.leave():
             self.reported_s = monotonic()
             self.report(self)
+
+    def _tidy(self) -> None:
+        """Where no step waits for it, what joins and rounds have freed goes back to the system."""
+        if monotonic() - self.tidied_s >= TIDY_S:
+            self.tidied_s = monotonic()
+            give_back()
 
     def _keep(self) -> bool:
         """Write down what is new. Whether anything may be said: what it made and could lose again, nobody hears of."""

@@ -1,12 +1,15 @@
 """A team that stands makes no garbage: what a robot does again and again for hours leaves nothing behind."""
 
+import ctypes
 import gc
 import json
+import os
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from teamslam.cli.convoy import status_bytes
@@ -14,6 +17,7 @@ from teamslam.cli.lasting import lasting
 from teamslam.convoy import Driver
 from teamslam.events import Events
 from teamslam.fleet import Member
+from teamslam.given_back import give_back
 from teamslam.live import replayed
 from teamslam.robot import Options, Robot
 from teamslam.robot.journal import Journal
@@ -95,3 +99,18 @@ def test_a_report_is_json_that_reads_back(value: object) -> None:
     said = {"links": {"1": {"heard_s_ago": value}}, "holds": ["1/0, version 0"]}
     assert json.loads(status_bytes(said)) == said
     assert b"\n" in status_bytes(said)  # people read it too
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "malloc_trim"), reason="the C library is not glibc")
+def test_what_was_freed_in_pieces_goes_back() -> None:
+    pieces = [np.ones(1000) for _ in range(10_000)]
+    kept = pieces[::100]
+    del pieces
+    before = resident()
+    give_back()
+    assert before - resident() > 40e6 and len(kept) == 100
+
+
+def resident() -> int:
+    """How many bytes of this process are in memory."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")

@@ -1,0 +1,14 @@
+"""Memory that is free goes back to the system.
+
+The C library keeps what was freed, in pieces, for whoever asks next. A robot that stands after exact rounds would keep
+what they worked with for good. Where the C library has no such call (it is glibc's) nothing is done.
+"""
+
+import ctypes
+
+
+def give_back() -> None:
+    """Give back all that is free; some milliseconds."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(ctypes.c_size_t(0))
