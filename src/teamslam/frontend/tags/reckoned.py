@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.frontend.tags.identities import SLACK, SLACK_M, Place
+from teamslam.frontend.tags.identities import SLACK, SLACK_M, Place, places_in_time
 from teamslam.frontend.tags.whole_poses import hypotheses
 from teamslam.geometry import Array, IntArray, Pose, compose_along, lift_tangent, so3
 from teamslam.model import Kind, Table, index_of, is_landmark, unpack
@@ -111,16 +111,6 @@ def _apart(reckoning: _Reckoning, at: IntArray, led: Array, away: Array, one: in
 
 
 def _told(tag: int, ticks: IntArray, seat: IntArray) -> list[Place]:
-    """A tag's places, where there are several: the spans in which each was seen with no other between."""
-    held = [place for place in np.unique(seat).tolist() if np.count_nonzero(seat == place) >= FEWEST]
-    if len(held) < 2:
-        return []
-    kept = np.isin(seat, held)
-    ticks, seat = ticks[kept], seat[kept]
-    first = np.append(True, np.diff(seat) != 0)
-    starts, stops = ticks[first].tolist(), ticks[np.append(first[1:], True)].tolist()
-    spans = list(zip(seat[first].tolist(), starts, stops, strict=True))
-    return [
-        Place(tag, number, tuple((start, stop) for of, start, stop in spans if of == place))
-        for number, place in enumerate(held, 1)
-    ]
+    """A tag's places, where there are several: a place of few sightings is none."""
+    kept = np.isin(seat, [place for place in np.unique(seat).tolist() if np.count_nonzero(seat == place) >= FEWEST])
+    return places_in_time(tag, ticks[kept], ticks[kept], seat[kept])
