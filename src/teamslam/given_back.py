@@ -5,10 +5,13 @@ what they worked with for good. Where the C library has no such call (it is glib
 """
 
 import ctypes
+import sys
 
 
 def give_back() -> None:
     """Give back all that is free; some milliseconds."""
+    if sys.platform == "win32":  # nothing is to be had there without a library's name
+        return
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(ctypes.c_size_t(0))
