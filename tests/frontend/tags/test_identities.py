@@ -21,6 +21,20 @@ def corridor(rng, count, step=0.8):
     return Pose(turns @ facing, places)
 
 
+def corners_seen(rng, eye, tag):
+    """The rays to the corners of a tag, with noise."""
+    seen = s2.of(eye.unact(tag.act(SIZE * SQUARE)))
+    return s2.of(seen + (s2.direction_basis(seen) @ rng.normal(scale=SIGMA, size=(4, 2, 1)))[..., 0])
+
+
+def corners_of(keys, rays):
+    """Sightings by their keys and rays."""
+    m = len(keys)
+    values = np.concatenate([np.reshape(rays, (m, 12)), np.tile((SIZE * SQUARE).ravel(), (m, 1))], 1)
+    white = np.eye(8)[None] / SIGMA
+    return Table(1, "landmarks", "corners", 3, np.array(keys), values, white, np.arange(m), None, Loss("cauchy", 4.0))
+
+
 def drive(rng, tags, visits):
     """Sightings from a walk along the wall, once for each visit (first, last x, start [s]): keys and rays."""
     keys, rays = [], []
@@ -33,14 +47,9 @@ def drive(rng, tags, visits):
             for number, pose in of(tags).items():
                 if abs(pose.translation[0] - x) > 1.2:
                     continue
-                seen = s2.of(eye.unact(pose.act(SIZE * SQUARE)))
-                seen = seen + (s2.direction_basis(seen) @ rng.normal(scale=SIGMA, size=(4, 2, 1)))[..., 0]
                 keys.append((int(pose_key(1, tick)), int(landmark_key(number))))
-                rays.append(s2.of(seen))
-    m = len(keys)
-    values = np.concatenate([np.reshape(rays, (m, 12)), np.tile((SIZE * SQUARE).ravel(), (m, 1))], 1)
-    white = np.eye(8)[None] / SIGMA
-    return Table(1, "landmarks", "corners", 3, np.array(keys), values, white, np.arange(m), None, Loss("cauchy", 4.0))
+                rays.append(corners_seen(rng, eye, pose))
+    return corners_of(keys, rays)
 
 
 def as_they_stand(tags):
@@ -94,7 +103,7 @@ def ring(rng, count, radius=8.0):
     return Pose(facing @ turns, radius * out + up * rng.uniform(0.8, 1.6, (count, 1)))
 
 
-def walk_round(rng, rings, radius=5.5, noise=1e-3, seconds=80.0):
+def walk_round(rng, rings, radius=5.5, seconds=80.0):
     """Sightings of a walk along the wall, once around for each of the rings: of one or two tags in each image."""
     keys, rays = [], []
     for turn, tags in enumerate(rings):
@@ -107,14 +116,9 @@ def walk_round(rng, rings, radius=5.5, noise=1e-3, seconds=80.0):
             for number, pose in tags.items():
                 if eye.unact(pose.translation) @ [1.0, 0.0, 0.0] < 0.78 * np.linalg.norm(eye.unact(pose.translation)):
                     continue
-                seen = s2.of(eye.unact(pose.act(SIZE * SQUARE)))
-                seen = seen + (s2.direction_basis(seen) @ rng.normal(scale=noise, size=(4, 2, 1)))[..., 0]
                 keys.append((int(pose_key(1, tick)), int(landmark_key(number))))
-                rays.append(s2.of(seen))
-    m = len(keys)
-    values = np.concatenate([np.reshape(rays, (m, 12)), np.tile((SIZE * SQUARE).ravel(), (m, 1))], 1)
-    white = np.eye(8)[None] / noise
-    return Table(1, "landmarks", "corners", 3, np.array(keys), values, white, np.arange(m), None, Loss("cauchy", 4.0))
+                rays.append(corners_seen(rng, eye, pose))
+    return corners_of(keys, rays)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -111,16 +111,14 @@ class _Told:
             return None
         a, b = here.apart(np.array([at_a]), mine)[0], there.apart(np.array([at_b]), theirs)[0]
         nearest = np.argsort(np.maximum(a, b), kind="stable")[:NEAREST]  # by both: a map may be folded
-        for unknown in (False, True):
-            sigma = np.zeros(len(nearest))
-            if unknown:  # what seems to be apart may be poorly known
-                sigma = np.hypot(here.sigma(at_a, mine[nearest]), there.sigma(at_b, theirs[nearest]))
-            if 2 * np.count_nonzero(_off(a[nearest], b[nearest], sigma) < 1.0) >= len(nearest):
-                return 1
-        return -1
+        if _mostly(_off(a[nearest], b[nearest])):
+            return 1
+        # What seems to be apart may be poorly known.
+        sigma = np.hypot(here.sigma(at_a, mine[nearest]), there.sigma(at_b, theirs[nearest]))
+        return 1 if _mostly(_off(a[nearest], b[nearest], sigma)) else -1
 
     def _near(self, map: VisitMap, visit: int) -> IntArray:
-        """What else a map shows of the time of a visit, as places in it: of each tag one visit."""
+        """The visits of other tags that a map shows of the time of a visit, as places in it."""
         v, beside = self.visits, round(BESIDE_S * TICKS_PER_S)
         start, stop = v.start[visit] - beside, v.stop[visit] + beside
         others = np.flatnonzero((v.start[map.visits] <= stop) & (v.stop[map.visits] >= start))
@@ -142,6 +140,11 @@ class _Told:
 def _off(here: Array, there: Array, sigma: Array | float = 0.0) -> Array:
     """How much distances differ, over what drift explains, and what is not known of them."""
     return np.asarray(np.abs(here - there) / (SLACK_M + SLACK * np.minimum(here, there) + SIGMAS * sigma))
+
+
+def _mostly(off: Array) -> bool:
+    """Whether half of some agree at least."""
+    return bool(2 * np.count_nonzero(off < 1.0) >= len(off))
 
 
 def _all_agree(off: Array) -> IntArray:
