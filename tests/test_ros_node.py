@@ -1,7 +1,13 @@
-"""The ROS 2 example converts messages as they are typed in ROS 2; its node itself needs ROS and is only compiled."""
+"""The ROS 2 example: messages as they are typed in ROS 2, and the robot that they drive. Its node itself needs ROS and
+is only compiled."""
 
+import ast
+import importlib
 import json
+import socket
 import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,15 +15,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from teamslam.duty import read_duty
 from teamslam.geometry import Pose
 from teamslam.io.plain.lines import Lines
 from teamslam.live import drive
-from teamslam.robot import Robot
+from teamslam.model import Submap
+from teamslam.robot import Estimate, Robot
+from teamslam.robot.journal import Journal
+from teamslam.robot.opened import opened
+from teamslam.robot.rows import head_of
+from teamslam.viewer.live import marks
+from teamslam.wire import receive
+from teamslam.wire.messages import canonical
 
 PACKAGE = Path(__file__).parents[1] / "examples" / "ros2" / "teamslam_ros"
 typesys = pytest.importorskip("rosbags.typesys")
 sys.path.insert(0, str(PACKAGE))
-from teamslam_ros import convert  # noqa: E402
+from teamslam_ros import convert, driven  # noqa: E402
 
 STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 TYPES = STORE.types
@@ -77,12 +91,44 @@ def tags(tick: int, seen: dict[str, np.ndarray]) -> Any:
     )
 
 
+def described(folder: Path, team: str = TEAM) -> Path:
+    """A folder that says what rows hold."""
+    folder.mkdir(exist_ok=True)
+    (folder / "team.toml").write_text(team)
+    (folder / "odometry.csv").write_text("from_stamp,to_stamp,x,y,theta\n")
+    (folder / "tags.csv").write_text("stamp,landmark,x,y,z\n")
+    return folder
+
+
 @pytest.fixture
 def lines(tmp_path: Path) -> Lines:
-    (tmp_path / "team.toml").write_text(TEAM)
-    (tmp_path / "odometry.csv").write_text("from_stamp,to_stamp,x,y,theta\n")
-    (tmp_path / "tags.csv").write_text("stamp,landmark,x,y,z\n")
-    return Lines(tmp_path)
+    return Lines(described(tmp_path))
+
+
+TAGS = {"tag36h11:7": np.array([3.0, 1.0, 0.5]), "tag36h11:9": np.array([2.0, -2.0, 1.0])}
+
+
+def heard_on_an_arc(feed: convert.Feed, messages: int, noise: float = 0.0) -> list[dict[str, Any]]:
+    """The rows of a robot that drives along an arc: odometry in a frame of its own, and tags between two messages."""
+    rng, begins, rows = np.random.default_rng(0), Pose.from_xytheta(np.array([5.0, -3.0, 2.0])), []
+
+    def way(t: float) -> Pose:
+        return Pose.from_tangent(np.array([0.5, 0.0, 0.1]) * t, 2)
+
+    for n in range(messages):
+        tick = 1_700_000_000_000_000 + n * 50_000
+        camera = way(0.05 * n + 0.02).lift(3) @ CAMERA
+        feed.tags(tags(tick + 20_000, {k: camera.unact(m) + noise * rng.normal(size=3) for k, m in TAGS.items()}))
+        rows += feed.odometry(odometry(tick, begins @ way(0.05 * n)))
+    return rows
+
+
+def within(seconds: float, there: Callable[[], bool]) -> bool:
+    """Whether something comes about in a time."""
+    until = time.monotonic() + seconds
+    while not there() and time.monotonic() < until:
+        time.sleep(0.02)
+    return there()
 
 
 def test_odometry_and_tags_make_the_way_and_the_map(lines: Lines) -> None:
@@ -154,7 +200,87 @@ def _marker() -> SimpleNamespace:
     return SimpleNamespace(**deep, pose=SimpleNamespace(position=SimpleNamespace(), orientation=SimpleNamespace()))
 
 
-def test_the_node_compiles() -> None:
+Shown = list[tuple[Estimate, tuple[Submap, ...]]]
+
+
+def test_the_robot_of_the_node_makes_its_map_beside_its_steps(tmp_path: Path) -> None:
+    """In a process of its own: what the robot's own process has is submaps. They are those of the rows; one that was
+    killed goes on from its journal; the frame of the map stands where the odometry was."""
+    described(tmp_path / "rows")
+    (tmp_path / "red.toml").write_text('log = "rows"\nout = "out"\nlines = true\n[steps]\nposes_per_piece = 12\n')
+    duty, said, shown = read_duty(tmp_path / "red.toml"), list[str](), Shown()
+    feed = convert.Feed(2)
+    rows = heard_on_an_arc(feed, 120, 0.01)
+    for first, last in ((0, 150), (150, len(rows))):
+        robot = driven.Driven(duty, lambda now, parts: shown.append((now, parts)), said.append)
+        shown.clear()
+        for row in rows[first : first + 60]:
+            robot.tell(row)
+        assert within(60.0, lambda: bool(shown and shown[-1][1]))
+        coming = iter(rows[first + 60 : last])
+
+        def in_the_map(robot: driven.Driven = robot, coming: Iterator[dict[str, Any]] = coming) -> bool:
+            """Whether poses are told in the frame of the map; a row more each time."""
+            if (row := next(coming, None)) is not None:
+                robot.tell(row)
+            return shown[-1][0].frame == shown[-1][1][0].base
+
+        assert within(60.0, in_the_map)
+        for row in coming:
+            robot.tell(row)
+        assert robot.leave(60.0) and robot.dim == 2 and robot.driver is not None
+        mapper = robot.driver.member.mapper
+        assert mapper.atlas.stretches and not mapper.atlas.short and not mapper.trouble
+    now, parts = shown[-1]
+    assert not said and set(marks(parts[0])) == {"7", "9"}
+    lines = Lines(tmp_path / "rows")
+    assert feed.odometry_at(int(now.key) & ((1 << 51) - 1)) is not None and feed.odometry_at(5) is None
+    tables = [[lines.row(json.dumps(row))] for row in rows]
+    *_, end = drive(Robot.of(lines.head, 1, duty.steps), tables, names=lambda: lines.names)
+    with Journal(tmp_path / "out" / "journal.db", head_of(lines.head, 1)) as journal:
+        bodies = [body.data for body in journal.recall().bodies]
+    made = {receive(data).id: receive(data).submap() for data in bodies if not opened(data).entry.knows}
+    assert sorted(map(canonical, made.values())) == sorted(map(canonical, end.atlas.submaps))
+
+
+def test_robots_of_nodes_exchange_and_show_one_map(tmp_path: Path) -> None:
+    pytest.importorskip("zenoh")
+    with socket.socket() as one, socket.socket() as two:
+        for probe in (one, two):
+            probe.bind(("127.0.0.1", 0))
+        places = [f"127.0.0.1:{probe.getsockname()[1]}" for probe in (one, two)]
+    robots, shown = [], [Shown(), Shown()]
+    names = '[[robot]]\nname = "red"\n[[robot]]\nname = "blue"\n'
+    for n, name in enumerate(("red", "blue")):
+        team = TEAM.replace('[[robot]]\nname = "red"\n', names).replace('robot = "red"', f'robot = "{name}"')
+        described(tmp_path / name, team)
+        (tmp_path / f"{name}.toml").write_text(
+            f'log = "{name}"\nrobot = "{name}"\nout = "{name}-out"\nlines = true\n[steps]\nposes_per_piece = 12\n'
+            f'[team]\nlisten = "{places[n]}"\nconnect = ["{places[1 - n]}"]\n'
+        )
+        add = shown[n].append
+        robots.append(
+            driven.Driven(read_duty(tmp_path / f"{name}.toml"), lambda now, parts, add=add: add((now, parts)), print)
+        )
+    rows, turn = heard_on_an_arc(convert.Feed(2), 120, 0.01), 0
+
+    def of_both() -> bool:
+        """Whether both show both; a row more each time."""
+        nonlocal turn
+        for robot in robots if turn < len(rows) else ():
+            robot.tell(rows[turn])
+        turn += 1
+        return all(told and [p.robots_in_it for p in told[-1][1]] == [(1, 2)] for told in shown)
+
+    assert within(90.0, of_both)
+    assert all(robot.leave(60.0) for robot in robots)
+
+
+def test_the_node_compiles_and_all_that_it_takes_of_teamslam_is_there() -> None:
     source = (PACKAGE / "teamslam_ros" / "node.py").read_text()
     compile(source, "node.py", "exec")
+    for found in ast.walk(ast.parse(source)):
+        if isinstance(found, ast.ImportFrom) and (found.module or "").startswith("teamslam"):
+            module = importlib.import_module(str(found.module))
+            assert all(hasattr(module, name.name) for name in found.names), found.module
     assert "never run" in (PACKAGE / "README.md").read_text()

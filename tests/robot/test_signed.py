@@ -8,7 +8,7 @@ import pytest
 
 from teamslam.errors import InputError
 from teamslam.joining import build, split
-from teamslam.model import Names, Submap
+from teamslam.model import Names, Sources, Submap
 from teamslam.robot.journal import Journal
 from teamslam.robot.link.keys import make_certificates, read_revocations, read_seal, revoke
 from teamslam.robot.link.memory import Air, Weather
@@ -113,6 +113,13 @@ def test_a_submap_of_rows_of_another_robot_is_refused(seals: dict[int, Seal]) ->
     claims = replace(mine, sources=mine.sources.merge(theirs.sources))
     peer = heard(Peer(3, seal=seals[3]), 2, seals[2].signed(message(claims)))
     assert refused(peer, 2, "robot 2 signed a body that is of robot 1, 2") and not peer.bodies
+
+
+def test_a_submap_that_names_no_rows_is_refused(seals: dict[int, Seal]) -> None:
+    """Under its own robot's name and signature: its rows would count again in every other submap that holds them."""
+    nameless = replace(SUBMAPS[2][0], sources=Sources())
+    peer = heard(Peer(3, seal=seals[3]), 2, seals[2].signed(message(nameless)))
+    assert refused(peer, 2, "robot 2 signed a submap that names no rows") and not peer.bodies
 
 
 def test_a_submap_that_is_written_from_another_robots_pose_is_refused(seals: dict[int, Seal]) -> None:

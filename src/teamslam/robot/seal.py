@@ -55,7 +55,11 @@ class Seal:
         entry, signer = found.entry, body.robot
         if signer == HOME and (entry.gone or entry.robot):
             return
-        if (robots := {*found.robots, found.base}) != {signer} or not found.robots:
+        if not found.robots:
+            raise InputError(
+                f"robot {signer} signed a submap that names no rows; they could count twice", field="signature"
+            )
+        if (robots := {*found.robots, found.base}) != {signer}:
             whose = ", ".join(map(str, sorted(robots)))
             raise InputError(f"robot {signer} signed a body that is of robot {whose}", field="signature")
         name = self.names.robot(signer)

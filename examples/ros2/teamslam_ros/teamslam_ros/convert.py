@@ -16,6 +16,7 @@ from teamslam.frontend.interpolate import interpolate
 from teamslam.geometry import Pose, concatenate
 
 TICKS_PER_S = 1_000_000
+KEPT = 1000  # keyframes that the robot may be behind
 Row = dict[str, Any]
 
 
@@ -48,6 +49,11 @@ class Feed:
     keyframe: tuple[int, Pose] | None = None
     _heard: list[tuple[int, Pose]] = field(default_factory=list)
     _waiting: dict[int, list[Row]] = field(default_factory=dict)
+    _kept: dict[int, Pose] = field(default_factory=dict)
+
+    def odometry_at(self, tick: int) -> Pose | None:
+        """The odometry at one of the last keyframes; None where it was none of these. May be asked from any thread."""
+        return self._kept.get(tick)
 
     def tags(self, message: Any, prefix: str = "tag") -> None:
         """Tags of a tf2_msgs/TFMessage wait for the odometry after them."""
@@ -66,7 +72,8 @@ class Feed:
             return []
         self._heard.append((tick, pose))
         if self.keyframe is None:
-            self.keyframe = (tick, pose)
+            self._begins(tick, pose)
+        assert self.keyframe is not None
         rows: list[Row] = []
         for due in self._due(tick):
             rows += self._step(due)
@@ -96,12 +103,19 @@ class Feed:
         if not good[0]:
             self.dropped += len(self._waiting.pop(due, []))
             return []
-        self.keyframe = (due, found[0])
+        self._begins(due, found[0])
         moved = before.between(found[0])
         names = ("x", "y", "theta") if self.dim == 2 else ("x", "y", "z", "qw", "qx", "qy", "qz")
         numbers = moved.xytheta() if self.dim == 2 else np.r_[moved.translation, moved.quaternion_wxyz()]
         stamps_s = {"from_stamp": last / TICKS_PER_S, "to_stamp": due / TICKS_PER_S}
         return [{"file": self.odometry_file, **stamps_s, **dict(zip(names, numbers.tolist(), strict=True))}]
+
+    def _begins(self, tick: int, pose: Pose) -> None:
+        """A keyframe more."""
+        self.keyframe = (tick, pose)
+        self._kept[tick] = pose
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
 
 
 # --- what is known, as fields of messages -----------------------------------------------------------------------------
