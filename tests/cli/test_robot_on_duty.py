@@ -2,8 +2,15 @@
 
 import csv
 import json
+import os
+import shutil
+import signal
+import socket
 import subprocess
 import sys
+import time
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,6 +22,7 @@ from teamslam.io import read, read_submaps, write
 from teamslam.io.plain.lines import Lines
 from teamslam.joining import build, split
 from teamslam.robot import Options
+from teamslam.team import SubmapSet
 from teamslam.wire.messages import canonical
 from worlds import team
 
@@ -49,6 +57,99 @@ def test_rows_as_lines_make_the_submaps_of_the_log(log: Path, tmp_path: Path) ->
     assert called.returncode == 0, called.stderr
     offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
     assert sorted(map(canonical, read_submaps(tmp_path / "two" / "submaps"))) == sorted(map(canonical, offline))
+
+
+class Shut:
+    """A robot in a process whose disk takes nothing any more from the moment on that it is told to: no file grows, and
+    none is begun in its folder. So it ends for whoever writes, whether a disk is full or was made read-only."""
+
+    def __init__(self, out: Path, *options: object) -> None:
+        resource = pytest.importorskip("resource")
+        if not hasattr(resource, "prlimit"):
+            pytest.skip("no limits of another process here")
+        root: list[str] = []
+        if os.geteuid() == 0:  # whom no folder is closed to
+            if shutil.which("setpriv") is None:
+                pytest.skip("root without setpriv")
+            rights = "-dac_override,-dac_read_search"
+            root = ["setpriv", "--bounding-set", rights, "--inh-caps", rights]
+        self.out, self._limits, pipe = out, resource, subprocess.PIPE
+        command = [*root, sys.executable, "-m", "teamslam", "robot", *map(str, options), "--out", str(out)]
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+
+    def within(self, seconds: float, there: Callable[[], bool]) -> bool:
+        """Whether something comes about in a time, while it runs."""
+        until = time.monotonic() + seconds
+        while not there() and time.monotonic() < until and self.process.poll() is None:
+            time.sleep(0.02)
+        return there()
+
+    def shut(self) -> None:
+        for folder in (self.out, self.out / "submaps"):
+            folder.chmod(0o555)
+        self._limits.prlimit(self.process.pid, self._limits.RLIMIT_FSIZE, (0, self._limits.RLIM_INFINITY))
+
+    def ended(self, words: str = "") -> tuple[int, str]:
+        """Its exit code and what it said, with some words more for it."""
+        _, said = self.process.communicate(words, timeout=120.0)
+        for folder in (self.out, self.out / "submaps"):
+            folder.chmod(0o755)
+        return self.process.returncode, said
+
+
+def test_on_a_disk_that_shuts_for_good_it_maps_on_and_ends_in_words(log: Path, tmp_path: Path) -> None:
+    """Each file is named. With a disk that takes something, and its rows told once more, its submaps are the same."""
+    taken, lines, out = Counter[str](), list[str](), tmp_path / "two"
+    for row in map(json.loads, lines_of(log, "2")):
+        lines.append(json.dumps(row | {"id": taken[row["file"]]}))
+        taken[row["file"]] += 1
+    options = (log, "--lines", "--robot", 2, "--poses-per-piece", 8, "--resume")
+    robot = Shut(out, *options)
+    assert robot.process.stdin is not None
+    robot.process.stdin.write("\n".join(lines[: len(lines) // 2]) + "\n")
+    robot.process.stdin.flush()
+    assert robot.within(90.0, lambda: (out / "poses.csv").exists() and (out / "poses.csv").read_text().count("\n") > 3)
+    robot.shut()
+    code, said = robot.ended("\n".join(lines[len(lines) // 2 :]) + "\n")
+    assert code == 1 and "Traceback" not in said
+    assert all(file in said for file in ("journal.db", "poses.csv", "submaps")), said
+    assert all(line.startswith("teamslam: ") for line in said.splitlines()), said
+    again = played(out, lines, *options)
+    assert again.returncode == 0, again.stderr
+    offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
+    assert sorted(map(canonical, read_submaps(out / "submaps"))) == sorted(map(canonical, offline))
+
+
+def test_a_disk_that_is_shut_when_a_robot_leaves_its_team_costs_its_map_and_no_more(log: Path, tmp_path: Path) -> None:
+    pytest.importorskip("zenoh")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        place = f"127.0.0.1:{probe.getsockname()[1]}"
+    out = tmp_path / "two"
+    options = (log, "--robot", 2, "--poses-per-piece", 8, "--listen", place, "--resume")
+
+    def parked() -> bool:
+        try:
+            return bool(json.loads((out / "status.json").read_text())["parked"])
+        except (OSError, ValueError):
+            return False
+
+    robot = Shut(out, *options)
+    assert robot.within(90.0, parked)
+    robot.shut()
+    assert robot.process.stderr is not None and "status.json" in robot.process.stderr.readline()
+    told = (out / "status.json").stat().st_mtime_ns
+    robot.process.send_signal(signal.SIGTERM)
+    code, said = robot.ended()
+    assert code == 1 and not (out / "maps").exists()
+    for line, file in zip(said.splitlines(), ("submaps", "the map is not written"), strict=True):
+        assert line.startswith("teamslam: ") and file in line, said
+    robot = Shut(out, *options)
+    assert robot.within(90.0, lambda: parked() and (out / "status.json").stat().st_mtime_ns != told)
+    robot.process.send_signal(signal.SIGTERM)
+    assert robot.ended() == (0, "")
+    offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
+    assert [canonical(part) for part in read_submaps(out / "maps")] == [canonical(SubmapSet.of(*offline).join().map)]
 
 
 def test_stopped_on_the_way_it_goes_on_with_the_lines_that_follow(log: Path, tmp_path: Path) -> None:

@@ -112,6 +112,34 @@ def test_status_says_who_is_alive(teamslam, tmp_path: Path) -> None:
     assert [robot["is_alive"] for robot in json.loads(called.out)] == ["yes", "yes", "no", "ended"]
 
 
+def test_status_says_who_holds_what_and_what_went_over_each_link(teamslam, tmp_path: Path) -> None:
+    log, air = team("2d", robots=2, poses=20, landmarks=6), Air(Weather(), 0)
+    members = [Member(Robot.of(log, n, Options(poses_per_piece=6)), Peer(n), air.link(n)) for n in (1, 2)]
+    for member in members:
+        for _, tables in replayed(log, member.robot.number):
+            member.drive(tables)
+        member.park()
+    air.link(3).send(1, b"nonsense")
+    now_s = time.monotonic()
+    for turn in range(30):
+        air.tick(now_s + turn - 30.0)
+        for member in members:
+            member.talk(now_s + turn - 30.0)
+    for member in members:
+        name = str(member.robot.number)
+        (tmp_path / name).mkdir()
+        with Journal(tmp_path / name / "journal.db", head_of(log, member.robot.number)) as journal:
+            (tmp_path / name / "status.json").write_text(json.dumps(Driver(member, journal).status(log.names)))
+    called = teamslam("status", tmp_path)
+    sent = members[0].peer.lines[2].sent
+    assert called.code == 1 and called.out.count(": 4 of 1, 4 of 2") == 2  # 1 refused a packet of nobody
+    rows = [line.split() for line in called.out.splitlines()]
+    heard = next(row for row in rows if row[:2] == ["1", "2"])
+    bodies = [str(sent.bodies), f"{sent.body_bytes:,}", str(sent.words), f"{sent.word_bytes:,}", "0", "0"]
+    assert heard[2:8] == bodies and 1.0 <= float(heard[8]) <= 60.0 and heard[9] == "0"
+    assert next(row for row in rows if row[:2] == ["1", "3"])[-1] == "1"
+
+
 def test_a_submap_that_is_held_and_in_no_map_is_told(teamslam, tmp_path: Path) -> None:
     """As where two robots go by one name: which of two submaps is right nobody can tell."""
     log = team("2d", robots=1, poses=9, landmarks=5)

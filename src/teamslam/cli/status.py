@@ -1,6 +1,7 @@
 """`teamslam status`: how the robots of a team stand."""
 
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ OLD_S = 30.0  # and this is more than that
 
 
 def status(folders: tuple[Path, ...], /) -> int:
-    """Who is alive, who sees whom, who holds what and lacks what, what went over the links, and what is wrong.
+    """Who is alive, who sees whom, whose submaps each holds, how many it lacks, what went over each link, what
+    waits there and when the other was last heard, whose packets were refused, and what is wrong. With --json all that
+    the robots tell.
 
     ```
     teamslam status robot-3
@@ -45,10 +48,17 @@ def status(folders: tuple[Path, ...], /) -> int:
         robot["is_alive"] = _alive(robot, robots)
     table(
         "robots",
-        ["robot", "alive", "sees", "at", "submaps", "lacks", "sent", "refused", "wrong"],
+        ["robot", "alive", "sees", "at", "holds", "lacks", "sent", "refused", "wrong"],
         [_row(robot) for robot in robots],
         left=1,
     )
+    if any(robot.get("links") for robot in robots):
+        table(
+            "links",
+            ["from", "to", "bodies", "bytes", "words", "bytes", "withheld", "waiting", "heard s ago", "refused"],
+            [_link(robot, to, link) for robot in robots for to, link in robot.get("links", {}).items()],
+            left=2,
+        )
     answer(robots)
     return 0 if same and not any(_wrong(robot) or robot.get("refused_packets") for robot in robots) else 1
 
@@ -71,11 +81,36 @@ def _row(robot: dict[str, Any]) -> list[str]:
         robot["is_alive"] + (f", said {robot['age_s']:.0f} s ago" if robot["is_alive"] != "ended" else ""),
         ", ".join(robot.get("alive", ())) or "nobody",
         (robot.get("at") or "nowhere yet") + (", parked" if robot.get("parked") else ""),
-        str(len(robot.get("holds", ()))),
+        _holds(robot),
         str(robot.get("missing", "?")),
         f"{sum(link['body_bytes'] + link['word_bytes'] for link in links):,}",
         str(sum(robot.get("refused_packets", {}).values())),
         _wrong(robot),
+    ]
+
+
+def _holds(robot: dict[str, Any]) -> str:
+    """How many submaps a robot holds, and whose: an id begins with its robot's name."""
+    whose = Counter(held.rpartition("/")[0] for held in robot.get("holds", ()))
+    each = ", ".join(f"{count} of {name}" for name, count in sorted(whose.items()))
+    return f"{whose.total()}: {each}" if each else "0"
+
+
+def _link(robot: dict[str, Any], to: str, link: dict[str, Any]) -> list[str]:
+    """What a robot sent to another, how many bodies wait for their turn, when it last heard that robot, and how many of
+    its packets it refused."""
+    heard = link.get("heard_s_ago")
+    return [
+        str(robot.get("robot", "?")),
+        to,
+        str(link["bodies"]),
+        f"{link['body_bytes']:,}",
+        str(link["words"]),
+        f"{link['word_bytes']:,}",
+        str(link["withheld"]),
+        str(link["waiting"]),
+        "" if heard is None else f"{heard:.1f}",
+        str(link["refused"]),
     ]
 
 
