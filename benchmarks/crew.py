@@ -90,11 +90,14 @@ class Crew:
         """The end of what a robot wrote on its terminal."""
         return (self.folder / str(robot) / "output.txt").read_text()[-2000:]
 
-    def same(self) -> bool:
-        """Whether all that run have no rows left, nothing to make or to ask, and hold the same."""
+    def held(self) -> bool:
+        """Whether all that run have no rows left, nothing to make, and hold the same."""
         said = [self.status(robot) for robot in self.processes]
-        ended = all(s.get("parked") and not s["making"] and not s["rounds"]["busy"] for s in said)
-        return ended and len({s["root"] for s in said}) == 1
+        return all(s.get("parked") and not s["making"] for s in said) and len({s["root"] for s in said}) == 1
+
+    def same(self) -> bool:
+        """Whether they have nothing to ask in exact rounds, either."""
+        return self.held() and not any(self.status(robot)["rounds"]["busy"] for robot in self.processes)
 
     def until(self, there: Callable[[], bool], seconds: float) -> bool:
         """Wait until something holds, and say whether it does."""

@@ -53,14 +53,15 @@ def main() -> None:
     options.netem = netem if options.by is None else options.by == "netem"
     rows = []
     print(
-        "| weather | torn apart | same after s | ledger bytes | packets | IP bytes | maps equal | the offline join |\n"
-        "|---|---|---|---|---|---|---|---|"
+        "| weather | torn apart | hold the same after s | IP bytes | rounds ended after s | exact | ledger bytes "
+        "| packets | IP bytes | maps equal | the offline join |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     for name in options.weathers:
         rows.append(row := campaign(name, options))
         print(
-            "| {weather} | {cuts} | {same_after_s} | {ledger_bytes:,} | {packets:,} | {ip_bytes:,} | {maps_equal} "
-            "| {equal_to_offline} |".format(**row)
+            "| {weather} | {cuts} | {held_after_s} | {held_ip_bytes:,} | {same_after_s} | {exact} | {ledger_bytes:,} "
+            "| {packets:,} | {ip_bytes:,} | {maps_equal} | {equal_to_offline} |".format(**row),
+            flush=True,
         )
     if options.json:
         about = {"weather_by": "netem" if options.netem else "ether", "robots": options.robots, "poses": options.poses}
@@ -91,15 +92,21 @@ def campaign(name: str, options: argparse.Namespace) -> dict[str, Any]:
         parked = time.monotonic()
         crew.until(lambda: cuts.now() or time.monotonic() - parked > 10.0 / options.speed, 60.0)
         cuts.heal()
-        same = crew.until(crew.same, PATIENCE_S)
-        after = time.monotonic() - parked
+        held, held_s = crew.until(crew.held, PATIENCE_S), time.monotonic() - parked
+        held_bytes = sum(ether.carried.values())
+        same, same_s = crew.until(crew.same, PATIENCE_S), time.monotonic() - parked
+        parts = [part for robot in crew.processes for part in crew.status(robot)["rounds"]["parts"]]
         codes = [crew.end(robot, signal.SIGTERM) for robot in list(crew.processes)]
         maps = crew.maps()
         left = {maps.get(robot) for robot in robots[1:]}
         return {
             "weather": name,
             "cuts": cuts.count,
-            "same_after_s": round(after, 1) if same else None,
+            "held_after_s": round(held_s, 1) if held else None,
+            "held_ip_bytes": held_bytes,
+            "same_after_s": round(same_s, 1) if same else None,
+            "exact": all(part["exactness"] for part in parts),
+            "why": sorted({part["why"] for part in parts if part["why"]}),
             "exit_codes": codes,
             "said": [crew.said(robot) for robot in robots] if any(codes) else [],
             **ledger([crew.status(robot) for robot in robots]),

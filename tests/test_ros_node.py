@@ -3,6 +3,7 @@ is only compiled."""
 
 import ast
 import importlib
+import itertools
 import json
 import socket
 import sys
@@ -108,19 +109,19 @@ def lines(tmp_path: Path) -> Lines:
 TAGS = {"tag36h11:7": np.array([3.0, 1.0, 0.5]), "tag36h11:9": np.array([2.0, -2.0, 1.0])}
 
 
-def heard_on_an_arc(feed: convert.Feed, messages: int, noise: float = 0.0) -> list[dict[str, Any]]:
-    """The rows of a robot that drives along an arc: odometry in a frame of its own, and tags between two messages."""
-    rng, begins, rows = np.random.default_rng(0), Pose.from_xytheta(np.array([5.0, -3.0, 2.0])), []
+def heard_on_an_arc(feed: convert.Feed, noise: float = 0.0) -> Iterator[dict[str, Any]]:
+    """The rows of a robot that drives along an arc, on and on: odometry in a frame of its own, and tags between two
+    messages."""
+    rng, begins = np.random.default_rng(0), Pose.from_xytheta(np.array([5.0, -3.0, 2.0]))
 
     def way(t: float) -> Pose:
         return Pose.from_tangent(np.array([0.5, 0.0, 0.1]) * t, 2)
 
-    for n in range(messages):
+    for n in itertools.count():
         tick = 1_700_000_000_000_000 + n * 50_000
         camera = way(0.05 * n + 0.02).lift(3) @ CAMERA
         feed.tags(tags(tick + 20_000, {k: camera.unact(m) + noise * rng.normal(size=3) for k, m in TAGS.items()}))
-        rows += feed.odometry(odometry(tick, begins @ way(0.05 * n)))
-    return rows
+        yield from feed.odometry(odometry(tick, begins @ way(0.05 * n)))
 
 
 def within(seconds: float, there: Callable[[], bool]) -> bool:
@@ -210,7 +211,7 @@ def test_the_robot_of_the_node_makes_its_map_beside_its_steps(tmp_path: Path) ->
     (tmp_path / "red.toml").write_text('log = "rows"\nout = "out"\nlines = true\n[steps]\nposes_per_piece = 12\n')
     duty, said, shown = read_duty(tmp_path / "red.toml"), list[str](), Shown()
     feed = convert.Feed(2)
-    rows = heard_on_an_arc(feed, 120, 0.01)
+    rows = list(itertools.islice(heard_on_an_arc(feed, 0.01), 350))
     for first, last in ((0, 150), (150, len(rows))):
         robot = driven.Driven(duty, lambda now, parts: shown.append((now, parts)), said.append)
         shown.clear()
@@ -262,14 +263,13 @@ def test_robots_of_nodes_exchange_and_show_one_map(tmp_path: Path) -> None:
         robots.append(
             driven.Driven(read_duty(tmp_path / f"{name}.toml"), lambda now, parts, add=add: add((now, parts)), print)
         )
-    rows, turn = heard_on_an_arc(convert.Feed(2), 120, 0.01), 0
+    rows = heard_on_an_arc(convert.Feed(2), 0.01)
 
     def of_both() -> bool:
         """Whether both show both; a row more each time."""
-        nonlocal turn
-        for robot in robots if turn < len(rows) else ():
-            robot.tell(rows[turn])
-        turn += 1
+        row = next(rows)
+        for robot in robots:
+            robot.tell(row)
         return all(told and [p.robots_in_it for p in told[-1][1]] == [(1, 2)] for told in shown)
 
     assert within(90.0, of_both)

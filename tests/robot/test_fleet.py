@@ -56,6 +56,11 @@ def test_the_record_says_what_came_of_it() -> None:
     assert made is not None and record["robot_position_rmse_m"] < 0.1
     assert record["online_position_rmse_m"] < 0.3
     assert set(record["alone"]) == {"1", "2"}
+    for number in (1, 2):  # what it comes to where nobody is heard of
+        single = log.of_robot(number)
+        found, _ = report_of(single, fleet(single, PIECES), PIECES)
+        same = {name: found[name] for name in ("robot_position_rmse_m", "landmark_rmse_m", "online_position_rmse_m")}
+        assert record["alone"][str(number)] == same and same["online_position_rmse_m"] > 0.0
     assert all(not robot["missing"] and not robot["refused"] for robot in record["robots"].values())
 
 

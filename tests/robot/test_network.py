@@ -1,9 +1,10 @@
 """Links over real sockets: what a team says arrives; who is not of it is neither heard nor told anything."""
 
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -134,6 +135,75 @@ def test_a_team_exchanges_over_sockets(tmp_path: Path) -> None:
                     link.send(packet.to, packet.data)
             time.sleep(0.02)
     assert peers[1].held == peers[2].held and len(peers[1].held.submaps) == 4
+
+
+class Wire:
+    """What goes from whoever connects to `place` on to `to`, and back: TCP, carried byte for byte and counted."""
+
+    def __init__(self, to: str) -> None:
+        self.place, self.up, self.down, self._to = free_place(), 0, 0, to
+        self._ends = [socket.create_server(_host_and_port(self.place))]
+        self._threads = [threading.Thread(target=self._accept)]
+        self._threads[0].start()
+
+    def close(self) -> None:
+        for end in self._ends:
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:
+            thread.join()
+        for end in self._ends:
+            end.close()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                self._ends.append(near := self._ends[0].accept()[0])
+                self._ends.append(far := socket.create_connection(_host_and_port(self._to)))
+                for way in (("up", near, far), ("down", far, near)):
+                    self._threads.append(threading.Thread(target=self._carry, args=way))
+                    self._threads[-1].start()
+
+    def _carry(self, name: str, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(1 << 16):
+                setattr(self, name, getattr(self, name) + len(data))
+                sink.sendall(data)
+
+
+def _host_and_port(place: str) -> tuple[str, int]:
+    host, _, port = place.partition(":")
+    return host, int(port)
+
+
+def test_the_ledger_is_what_goes_over_the_wire(tmp_path: Path) -> None:
+    """Of each robot, but for what Zenoh needs: some bytes a packet, and what it says of itself when it connects and
+    now and then."""
+    log = team("2d", robots=2, poses=16, landmarks=6)
+    submaps = {robot: [build(p) for p in split(log.of_robot(robot), poses_per_piece=5)] for robot in (1, 2)}
+    place = free_place()
+    wire = Wire(place)
+    one, two = Address("blue", 1, place), Address("blue", 2, free_place(), (wire.place,))
+    peers = {robot: Peer(robot, Habits(0.2, 0.5)) for robot in (1, 2)}
+    with closing(wire), linked(one, two) as links:
+        assert within(60.0, lambda: links[0].alive == {2} and links[1].alive == {1})
+        for robot in peers:
+            peers[robot] = peers[robot].with_submaps(submaps[robot])
+        before, until, quiet = (wire.down, wire.up), time.monotonic() + 90.0, 0
+        while time.monotonic() < until and quiet < 50:
+            for robot, link in zip((1, 2), links, strict=True):
+                peers[robot], out = peers[robot].step(time.monotonic(), link.receive())
+                for packet in out:
+                    link.send(packet.to, packet.data)
+            quiet = quiet + 1 if len({peer.root for peer in peers.values()}) == 1 else 0
+            time.sleep(0.02)
+        assert len({peer.root for peer in peers.values()}) == 1
+        for robot, link, count in zip((1, 2), links, ("down", "up"), strict=True):
+            said = [line.sent for line in peers[robot].lines.values()]
+            ledger, packets = sum(sent.bytes for sent in said), sum(sent.bodies + sent.words for sent in said)
+            carried = getattr(wire, count) - before[robot - 1]
+            assert not link.dropped and packets > 10
+            assert ledger <= carried <= ledger + 20 * packets + 500
 
 
 def test_what_cannot_be_is_named(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ components        parts of the team map;   missing, refused: what robots know of
 robot_position_rmse_m, landmark_rmse_m      of the first part of the team map, against the truth
 exact             the same two of the first robot's map after exact rounds, as far as there is one
 online_position_rmse_m                      of the poses told at the time, aligned robot by robot
-alone             the same two of each robot with nothing but its own log
+alone             the same three of each robot that has nothing but its own log: its map, and what it tells at the time
 links             bytes from whom to whom: bodies (by kind: sparse, partial, condensed, announcement, removal) and all
                   else; those that were lost count;   withheld: packets that would have been more than the budget
 """
@@ -30,9 +30,10 @@ from teamslam.frontend.agreed import with_poses
 from teamslam.geometry import Array, IntArray, align
 from teamslam.io import read_submaps
 from teamslam.joining import Joined, build, split
+from teamslam.live import drive, replayed
 from teamslam.metrics import score
 from teamslam.model import Dataset, Names, Submap, Values, is_pose, pose_key, robot_of
-from teamslam.robot import Estimate, Options
+from teamslam.robot import Atlas, Estimate, Options, Robot
 from teamslam.robot.peer import EVERYONE
 from teamslam.team import SubmapSet
 from teamslam.wire.messages import canonical
@@ -59,7 +60,7 @@ def report_of(log: Dataset, found: Fleet, options: Options) -> tuple[dict[str, A
         **_scores(whole, log.truth),
         "exact": _scores(next(iter(next(iter(members.values())).rounds.maps), None), log.truth),
         "online_position_rmse_m": _online([told_of(e) for m in members.values() for e in m.told], log.truth),
-        "alone": {names.robot(number): _scores(_alone(member), log.truth) for number, member in members.items()},
+        "alone": {names.robot(number): _alone(log, number, options) for number in members},
         "links": links_of(found, names),
     }
     return record, first
@@ -170,9 +171,15 @@ def _scores(map: Submap | None, truth: Values | None) -> dict[str, float | None]
     }
 
 
-def _alone(member: Member) -> Submap | None:
-    made = joined(SubmapSet.of(*member.mapper.atlas.submaps))
-    return None if made is None else made.map
+def _alone(log: Dataset, number: int, options: Options) -> dict[str, float | None]:
+    """What a robot comes to that drives through its log and hears of nobody."""
+    told, atlas = list[Told](), Atlas()
+    for moment in drive(Robot.of(log, number, options), (tables for _, tables in replayed(log, number))):
+        told += [told_of(moment.now)] if moment.now is not None else []
+        atlas = moment.atlas
+    made = joined(SubmapSet.of(*atlas.submaps))
+    scores = _scores(made.map if made is not None else None, log.truth)
+    return scores | {"online_position_rmse_m": _online(told, log.truth)}
 
 
 def _online(told: Sequence[Told], truth: Values | None) -> float | None:
@@ -203,7 +210,8 @@ def report_of_folders(
     bits = {name: bits_of_parts(parts) for name, parts in maps.items()}
     offline = bits_of(joined(SubmapSet.of(*offline_submaps(log, options))))
     first = next(iter(maps.values()), [])
-    alone = {name: joined(SubmapSet.of(*read_submaps(out / name / "submaps"))) for name in statuses}
+    names = log.names
+    found = [number for number in sorted(log.robots) if names.robot(number) in statuses]
     record: dict[str, Any] = {
         "robots": {
             name: {
@@ -223,7 +231,7 @@ def report_of_folders(
         **_scores(first[0] if first else None, log.truth),
         "exact": _scores(next((parts[0] for parts in exact if parts), None), log.truth),
         "online_position_rmse_m": _online([t for name in statuses for t in _told_in(out / name, log)], log.truth),
-        "alone": {name: _scores(made.map if made else None, log.truth) for name, made in alone.items()},
+        "alone": {names.robot(number): _alone(log, number, options) for number in found},
         "links": [
             {
                 "from": name,
