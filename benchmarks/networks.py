@@ -59,8 +59,8 @@ def main() -> None:
     for name in options.weathers:
         rows.append(row := campaign(name, options))
         print(
-            "| {weather} | {cuts} | {held_after_s} | {held_ip_bytes:,} | {same_after_s} | {exact} | {ledger_bytes:,} "
-            "| {packets:,} | {ip_bytes:,} | {maps_equal} | {equal_to_offline} |".format(**row),
+            "| {weather} | {cuts} | {held_after_s} | {held_ip_bytes:,} | {rounded_after_s} | {exact} "
+            "| {ledger_bytes:,} | {packets:,} | {ip_bytes:,} | {maps_equal} | {equal_to_offline} |".format(**row),
             flush=True,
         )
     if options.json:
@@ -94,7 +94,7 @@ def campaign(name: str, options: argparse.Namespace) -> dict[str, Any]:
         cuts.heal()
         held, held_s = crew.until(crew.held, PATIENCE_S), time.monotonic() - parked
         held_bytes = sum(ether.carried.values())
-        same, same_s = crew.until(crew.same, PATIENCE_S), time.monotonic() - parked
+        ended, ended_s = crew.until(crew.rounded, PATIENCE_S), time.monotonic() - parked
         parts = [part for robot in crew.processes for part in crew.status(robot)["rounds"]["parts"]]
         codes = [crew.end(robot, signal.SIGTERM) for robot in list(crew.processes)]
         maps = crew.maps()
@@ -104,8 +104,8 @@ def campaign(name: str, options: argparse.Namespace) -> dict[str, Any]:
             "cuts": cuts.count,
             "held_after_s": round(held_s, 1) if held else None,
             "held_ip_bytes": held_bytes,
-            "same_after_s": round(same_s, 1) if same else None,
-            "exact": all(part["exactness"] for part in parts),
+            "rounded_after_s": round(ended_s, 1) if ended else None,
+            "exact": any(part["exactness"] for part in parts),
             "why": sorted({part["why"] for part in parts if part["why"]}),
             "exit_codes": codes,
             "said": [crew.said(robot) for robot in robots] if any(codes) else [],

@@ -5,7 +5,8 @@
 Robots are processes in network namespaces (`ether`) with a loss of 5 %; pairs are torn apart all the time. They drive
 for the first half of the time and stand for the second, and go on talking throughout. Of each, resident memory, open
 handles and threads are read every second; a column holds their medians in six spans of the time, the first of which
-starts when all are there. While a robot drives its memory grows with its finished submaps; while it stands it must not.
+starts when all are there, and the share of a span in which the robot was busy with exact rounds. While a robot drives
+its memory grows with its finished submaps; while it stands it must not.
 """
 
 import argparse
@@ -36,7 +37,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, help="write the numbers here too")
     options = parser.parse_args()
-    samples, same, equal = soaked(options)
+    samples, in_rounds, same, equal = soaked(options)
     rows = [
         {
             "robot": robot,
@@ -46,23 +47,30 @@ def main() -> None:
         for robot, found in samples.items()
         for what, of in zip(("memory_mb", "handles", "threads"), np.array(found).T, strict=True)
     ]
+    rounds = {
+        robot: [round(float(np.mean(part)), 2) for part in np.array_split(b, SPANS)] for robot, b in in_rounds.items()
+    }
     print(f"{machine()}\n\n| robot | | {' | '.join(str(n + 1) for n in range(SPANS))} |\n|{'---|' * (SPANS + 2)}")
     for row in rows:
         print(f"| {row['robot']} | {row['what']} | {' | '.join(map(str, row['spans']))} |")
+    for robot, shares in rounds.items():
+        print(f"| {robot} | in rounds | {' | '.join(map(str, shares))} |")
     flat = all(row["spans"][-1] - row["spans"][-2] <= (GROWS_MB if "mb" in row["what"] else GROWS) for row in rows)
     print(f"\nflat while it stands: {flat}; all hold the same: {same}; the offline join: {equal}")
     if options.json:
-        record = {"machine": machine(), "minutes": options.minutes, "rows": rows, "flat": flat}
+        record = {"machine": machine(), "minutes": options.minutes, "rows": rows, "in_rounds": rounds, "flat": flat}
         options.json.write_text(json.dumps(record | {"same": same, "equal_to_offline": equal}, indent=1) + "\n")
     sys.exit(0 if flat and same and equal else 1)
 
 
-def soaked(options: argparse.Namespace) -> tuple[dict[int, list[list[float]]], bool, bool]:
-    """Samples by robot, whether all held the same in the end, and whether that is the offline join."""
+def soaked(options: argparse.Namespace) -> tuple[dict[int, list[list[float]]], dict[int, list[bool]], bool, bool]:
+    """Samples by robot, whether it was in rounds then, whether all held the same in the end, and whether that is the
+    offline join."""
     seconds, robots = 60.0 * options.minutes, list(range(1, options.robots + 1))
     log = team_of(options.robots, max(24, round(seconds / 2)), options.seed)
     places = {robot: f"{Ether.address(robot)}:{PORT}" for robot in robots}
     samples: dict[int, list[list[float]]] = {robot: [] for robot in robots}
+    in_rounds: dict[int, list[bool]] = {robot: [] for robot in robots}
     with (
         tempfile.TemporaryDirectory() as folder,
         Ether(robots, Weather(loss=0.05), options.seed) as ether,
@@ -77,13 +85,14 @@ def soaked(options: argparse.Namespace) -> tuple[dict[int, list[list[float]]], b
             crew.refuse_the_dead()
             for robot in robots:
                 samples[robot].append(used(crew.processes[robot].pid))
+                in_rounds[robot].append(bool(crew.status(robot).get("rounds", {}).get("busy")))
             time.sleep(1.0)
         cuts.heal()
         same = crew.until(crew.same, 120.0)
         for robot in robots:
             crew.end(robot)
         equal = set(crew.maps().values()) == {crew.offline_bits()}
-    return samples, same, equal
+    return samples, in_rounds, same, equal
 
 
 def used(process: int) -> list[float]:

@@ -149,15 +149,32 @@ def test_a_robot_that_answers_at_last_is_asked_again_after_a_rest() -> None:
     mute = members[3].rounds.attend
     members[3].rounds.attend = lambda *_: []  # type: ignore[method-assign]
     asked = []
-    for tick in range(200):
+    for tick in range(300):
         talk(air, members, tick, tick + 1)
         if members[1].rounds.busy and members[1].rounds.accounts:
             asked.append(tick)
     first, second = (step for step in np.diff(asked) if step > 1)
     assert second > 1.9 * first > 60.0
     members[3].rounds.attend = mute  # type: ignore[method-assign]
-    talk(air, members, 200, 400)
+    talk(air, members, 300, 500)
     assert all(account(member).exactness is not None and not account(member).why for member in members.values())
+
+
+@pytest.mark.parametrize("rate", [4000.0, 1000.0])
+def test_what_is_slow_is_not_sent_again_and_again(rate: float) -> None:
+    """An answer takes about a patience on these lines, or three. Asked for again each patience they would carry little
+    but copies, and more come than go; as it is the rounds end, and about two answers in three are news."""
+    air, tick = Air(Weather(), 0), 0
+    members = parked(Habits(patience_s=1.0), air)
+    while not leads(members[1]):
+        talk(air, members, tick, tick := tick + 1)
+    air.weather, before = Weather(rate=rate), {n: members[n].peer.lines[1].sent.words for n in (2, 3)}
+    talk(air, members, tick, tick + 700)
+    for n in (2, 3):
+        found = account(members[n]).exactness
+        assert found is not None and not account(members[n]).as_sent
+        if rate == 4000.0:  # of each round two questions, and the last
+            assert members[n].peer.lines[1].sent.words - before[n] <= 1.5 * (2 * found.rounds + 1)
 
 
 def test_who_is_known_to_be_away_is_not_waited_for_again() -> None:

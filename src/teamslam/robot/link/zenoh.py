@@ -26,6 +26,7 @@ from teamslam.robot.link.keys import AUTHORITY, common_name
 ALIVE = "alive"  # in place of a robot's number
 WAITING = 1000  # packets that wait to be handed over at most; more are dropped
 LEASE_MS = 20_000  # a peer that says nothing for so long is gone; TCP may, where a third of all packets is lost
+OPENS_MS = 30_000  # a connection is made within; there shaking hands takes more than Zenoh's own 10 s, again and again
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,10 @@ def configuration(address: Address) -> dict[str, Any]:
         "listen": {"endpoints": [f"{kind}/{address.listen}"]},
         "connect": {"endpoints": [f"{kind}/{place}" for place in address.connect]},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}},
-        "transport": {"link": {"tx": {"lease": LEASE_MS}}},
+        "transport": {
+            "unicast": {"open_timeout": OPENS_MS, "accept_timeout": OPENS_MS},
+            "link": {"tx": {"lease": LEASE_MS}},
+        },
     }
     if address.certificates is not None:
         found["transport"]["link"]["tls"] = _tls(address, address.certificates)

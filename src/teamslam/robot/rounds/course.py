@@ -19,11 +19,12 @@ from teamslam.robot.peer import Peer
 from teamslam.robot.robot import Robot
 from teamslam.robot.rounds.follower import Follower
 from teamslam.robot.rounds.leader import Leader
+from teamslam.robot.rounds.pace import longest_s, slower_s
 from teamslam.robot.rounds.result import Result
 from teamslam.robot.rounds.said import exactness_of
 from teamslam.robot.rounds.stage import Stage, robots_of
 
-ATTEMPTS, LONG = 3, 10  # of rounds, one after another; patiences that an answer is waited for
+ATTEMPTS, LONG = 3, 10  # of rounds, one after another; waits for an answer, or patiences
 RESTS = 4  # such waits before one attempt more, and twice as long after each
 
 Heard = Sequence[tuple[int, Packet]]
@@ -89,7 +90,8 @@ class Course:
                 return []
             asked = [(s, q) for s, q in heard if isinstance(q, Question) and here[:1] == [s]]
             out = [out for sender, question in asked for out in self._follow(now_s, robot, sender, question)]
-            if isinstance(self._side, Follower) and now_s - self._side.asked_s > long_s:  # nobody waits for it any more
+            most_s = longest_s(long_s)
+            if isinstance(self._side, Follower) and now_s - self._side.asked_s > most_s:  # nobody waits for it any more
                 self._side = None
             return out
         except (TeamslamError, msgspec.DecodeError, ValueError, zlib.error) as error:
@@ -134,12 +136,11 @@ class Course:
             return self._anew(now_s, peer, f"robot {answers[0][0]} knows of a later attempt")
         if side.n != before:
             return self._asking(side, side.others)
-        if now_s - side.asked_s > LONG * peer.habits.patience_s:
-            return self._anew(now_s, peer, f"robot {side.silent[0]} did not answer question {side.n}")
-        if now_s - side.said_s >= peer.habits.patience_s:
-            side.said_s = now_s
-            return self._asking(side, side.silent)
-        return []
+        patience_s, asked_s = slower_s(peer.habits.patience_s, self._tries - 1), now_s - side.asked_s
+        waits_s = {n: side.wait_s(n, patience_s) if n in others else patience_s for n in side.silent}
+        if late := [n for n, wait_s in waits_s.items() if asked_s > LONG * wait_s]:
+            return self._anew(now_s, peer, f"robot {late[0]} did not answer question {side.n}")
+        return self._asking(side, side.again(now_s, patience_s))
 
     def _begin(self, now_s: float, peer: Peer, robot: Robot, others: Sequence[int]) -> Out:
         if len(self.robots) == 1:

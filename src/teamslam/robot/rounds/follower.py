@@ -33,6 +33,9 @@ class Follower:
 
     def _answer(self, said: Said) -> Heard:
         try:
+            if said.take:
+                self._all.answer(Take())
+                self.values = self._tried
             match said.kind:
                 case "reduce":
                     found: list[Reduced] = self._all.answer(Reduce(said.curvature))
@@ -40,9 +43,6 @@ class Follower:
                 case "try":
                     self._tried = Values(self._stage.common.layout, np.frombuffer(said.state, "<f8").astype(float))
                     return Heard(costs=tuple(self._all.answer(Try(self._tried, said.share))))
-                case "take":
-                    self._all.answer(Take())
-                    self.values = self._tried
                 case "end":
                     self.result = Result(said, self.values, interiors_of(self._parts))
                     self._parts, self._all = {}, Parts([])

@@ -6,9 +6,10 @@ squares, though nobody holds all raw data (`joining.exact`).
 
 What is spoken of, all make alike of the set that they hold: the root that names it names the rounds too, and each part
 of its map has its own. A question is asked again until it is answered, and answered again from memory; so packets may
-be lost, late and repeated. Who does not answer for long ends an attempt, and the rounds begin anew, some times: without
-that robot's rows, if it is away. Anything new that is heard ends them as well. What was there before, the map of the
-set, stays as it was: rounds give what is better beside it, or the reason why not.
+be lost, late and repeated (`pace` says how long an answer is waited for). Who does not answer for long ends an attempt,
+and the rounds begin anew, some times: without that robot's rows, if it is away. Anything new that is heard ends them as
+well. What was there before, the map of the set, stays as it was: rounds give what is better beside it, or the reason
+why not.
 """
 
 from teamslam.errors import TeamslamError

@@ -10,10 +10,12 @@ from teamslam.solver.newton import Curvature
 
 
 class Said(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
-    """What a question says: reduce (with `curvature`), try (`state`, `share`), take, or end: how exact it is
-    (`account`), what all measurements cost (`cost`), and whose submaps stood as they were sent (`as_sent`)."""
+    """What a question says: reduce (with `curvature`), try (`state`, `share`), or end: how exact it is (`account`),
+    what all measurements cost (`cost`), and whose submaps stood as they were sent (`as_sent`). `take`: go first where
+    you were last asked to try."""
 
-    kind: Literal["reduce", "try", "take", "end"]
+    kind: Literal["reduce", "try", "end"]
+    take: bool = False
     curvature: Curvature = "none"
     state: bytes = b""
     share: float = 0.0
