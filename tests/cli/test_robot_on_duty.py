@@ -91,7 +91,7 @@ class Shut:
 
     def ended(self, words: str = "") -> tuple[int, str]:
         """Its exit code and what it said, with some words more for it."""
-        _, said = self.process.communicate(words, timeout=120.0)
+        self.told, said = self.process.communicate(words, timeout=120.0)
         for folder in (self.out, self.out / "submaps"):
             folder.chmod(0o755)
         return self.process.returncode, said
@@ -148,6 +148,8 @@ def test_a_disk_that_is_shut_when_a_robot_leaves_its_team_costs_its_map_and_no_m
     assert robot.within(90.0, lambda: parked() and (out / "status.json").stat().st_mtime_ns != told)
     robot.process.send_signal(signal.SIGTERM)
     assert robot.ended() == (0, "")
+    assert f"robot 2 of team team listens at {place}" in robot.told
+    assert f"written: {out}: 3 submaps, 1 robot, 1 part of the map" in robot.told
     offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
     assert [canonical(part) for part in read_submaps(out / "maps")] == [canonical(SubmapSet.of(*offline).join().map)]
 

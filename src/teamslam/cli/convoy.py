@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +84,9 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             wrong += 1
             events.tell("wrong", reason=str(error))
 
-        events.tell("begun", robot=dataset.names.robot(robot))
+        name = dataset.names.robot(robot)
+        events.tell("begun", robot=name)
+        told(f"robot {name} of team {address.team} listens at {address.listen}; how it stands: teamslam status {out}")
         peer = Peer(robot, duty.habits)
         if address.certificates is not None:
             seal = read_seal(address.certificates, address.team, robot, address.members, dataset.names)
@@ -110,10 +112,21 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         complain(trouble)
     if wrong:
         complain(f"{counted(wrong, 'line')} made no sense and were left out")
+    held = driver.member.peer.held.submaps
+    robots, parts = {n for submap in held for n in submap.robots}, len(made.components) if made is not None else 0
+    told(f"written: {out}: {counted(len(held), 'submap', len(robots), 'robot', parts, 'part')} of the map")
     code = 0 if whole and not wrong and not memory.damaged and not left_out and not disks.words else 1
     events.tell("ended", code=code)
     events.close()
     return code
+
+
+def told(text: str) -> None:
+    """One line of result; where nobody can be told, that ends nothing."""
+    from teamslam.cli.console import say
+
+    with suppress(OSError):
+        say(text)
 
 
 def written_anew(parts: "Sequence[Submap]", folder: Path) -> None:
