@@ -4,6 +4,7 @@
     robot = "red"
     out = "red"
     lines = true                    rows come from stdin, as they are measured; without it, from the log
+    remote = true                   or over the team's network, told as lines on stdin are
     camera = "/dev/video0"          or from a camera that films now: then the log is a team file
     resume = true
     events = "red.jsonl"
@@ -48,6 +49,7 @@ class Duty:
     out: Path | None = None
     robot: str | None = None
     lines: bool = False
+    remote: bool = False
     camera: str | None = None
     speed: float | None = None
     resume: bool = False
@@ -63,13 +65,15 @@ class Duty:
             raise InputError(f"a speed is above 0, found {self.speed}", field="speed")
         if self.lines and self.speed is not None:
             raise InputError("lines on stdin come at their own speed; leave out speed", field="speed")
-        if self.camera is not None and (self.lines or self.speed is not None):
-            raise InputError("a camera films at its own speed; leave out lines and speed", field="camera")
+        if self.remote and (self.lines or self.speed is not None):
+            raise InputError("rows over the network come at their own speed; leave out lines and speed", field="remote")
+        if self.camera is not None and (self.lines or self.remote or self.speed is not None):
+            raise InputError("a camera films at its own speed; leave out lines, remote and speed", field="camera")
 
     @property
     def in_real_time(self) -> bool:
         """Whether rows come in their own time: then nothing may make them wait."""
-        return self.lines or self.camera is not None or self.speed is not None
+        return self.lines or self.remote or self.camera is not None or self.speed is not None
 
     def address(self, number: int) -> Address | None:
         """Where the robot with this number is among its team; None where it drives alone."""

@@ -1,6 +1,7 @@
 """`teamslam robot` told by a file, with rows that come as lines: as a robot has it that drives."""
 
 import csv
+import functools
 import json
 import os
 import shutil
@@ -12,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -152,6 +154,48 @@ def test_a_disk_that_is_shut_when_a_robot_leaves_its_team_costs_its_map_and_no_m
     assert f"written: {out}: 3 submaps, 1 robot, 1 part of the map" in robot.told
     offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
     assert [canonical(part) for part in read_submaps(out / "maps")] == [canonical(SubmapSet.of(*offline).join().map)]
+
+
+def test_rows_over_the_network_make_the_submaps_of_the_log(log: Path, tmp_path: Path) -> None:
+    zenoh = pytest.importorskip("zenoh")
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        place = f"127.0.0.1:{probe.getsockname()[1]}"
+    out, taken, rows = tmp_path / "two", Counter[str](), list[str]()
+    for row in map(json.loads, lines_of(log, "2")):
+        rows.append(json.dumps(row | {"id": taken[row["file"]]}))
+        taken[row["file"]] += 1
+    robot = Shut(
+        out, log, "--robot", 2, "--poses-per-piece", 8, "--listen", place, "--remote", "--events", tmp_path / "events"
+    )
+
+    def said(*path: str) -> Any:
+        try:
+            found = json.loads((out / "status.json").read_text())
+        except (OSError, ValueError):
+            return None
+        return functools.reduce(lambda at, name: at[name], path, found)
+
+    assert robot.within(90.0, lambda: said("robot") == "2")
+    config = zenoh.Config.from_json5(json.dumps({"mode": "client", "connect": {"endpoints": [f"tcp/{place}"]}}))
+    with zenoh.open(config) as session:
+        for packet, there in (
+            ("\n".join(rows), lambda: said("rows", "taken") == len(rows)),
+            ("no row\n", lambda: "wrong" in (tmp_path / "events").read_text()),
+            ("", lambda: said("parked")),
+        ):
+
+            def heard(packet: str = packet, there: Callable[[], Any] = there) -> bool:
+                """Whether it has been, though it may be told more than once."""
+                session.put("teamslam/team/rows/2", packet)
+                return bool(there())
+
+            assert robot.within(90.0, heard)
+    robot.process.send_signal(signal.SIGTERM)
+    code, complaints = robot.ended()
+    assert code == 1 and "made no sense and" in complaints
+    offline = [build(piece) for piece in split(read(log).of_robot(2), poses_per_piece=8)]
+    assert sorted(map(canonical, read_submaps(out / "submaps"))) == sorted(map(canonical, offline))
 
 
 def test_stopped_on_the_way_it_goes_on_with_the_lines_that_follow(log: Path, tmp_path: Path) -> None:

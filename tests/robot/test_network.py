@@ -119,6 +119,30 @@ def test_nobody_speaks_for_another(tmp_path: Path) -> None:
         token.undeclare()
 
 
+def test_only_who_has_a_robots_certificate_tells_its_rows(tmp_path: Path) -> None:
+    place = free_place()
+    make_certificates(tmp_path, [1, 2])
+    own = Address("blue", 1, place, (), tmp_path, (1, 2))
+    sensors, two = (Address("blue", n, free_place(), (place,), tmp_path, (1, 2)) for n in (1, 2))
+    told, rows = list[bytes](), "teamslam/blue/rows/1"
+    with linked(own, sensors, two) as (a, s, b):
+        hearer = threading.Thread(target=lambda: told.extend(a.rows()))
+        hearer.start()
+        assert greet(b, 1, a, 60.0)
+
+        def heard() -> bool:
+            b._session.put(rows, b"another's row")
+            s._session.put(rows, b"a row\nand one more\n")
+            return b"and one more" in told
+
+        assert within(60.0, heard)
+        greet(b, 1, a, 60.0, b"it was all said")
+        assert set(told) == {b"a row", b"and one more"}
+        a.close()
+        hearer.join(60.0)
+        assert not hearer.is_alive()
+
+
 def test_a_team_exchanges_over_sockets(tmp_path: Path) -> None:
     log = team("2d", robots=2, poses=16, landmarks=6)
     submaps = {robot: [build(p) for p in split(log.of_robot(robot), poses_per_piece=9)] for robot in (1, 2)}

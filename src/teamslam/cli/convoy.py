@@ -95,7 +95,8 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
         member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside)), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
         stack.enter_context(lasting())
-        whole = driver.drive(source.rows(start, memory, heard), duty.speed)
+        stream = link.rows() if duty.remote else None
+        whole = driver.drive(source.rows(start, memory, heard, stream), duty.speed)
     finished = Finished(out / "submaps")
     finished.add(driver.member.mapper.atlas.submaps)
     disks.tell(journal=journal.trouble, poses=poses.trouble, submaps=finished.trouble)

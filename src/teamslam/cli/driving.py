@@ -1,7 +1,7 @@
 """Where a robot's rows come from, and a robot that drives alone."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +37,7 @@ class Source:
         from teamslam.io.plain.lines import Lines
 
         assert duty.log is not None
-        if duty.lines:
+        if duty.lines or duty.remote:
             lines = Lines(duty.log, duty.robot)
             return cls(lines.head, lines.robot, lines)
         if duty.camera is not None:
@@ -50,9 +50,14 @@ class Source:
         return cls(log, _number_of(duty.robot, log.names, robots))
 
     def rows(
-        self, start: "Robot", memory: "Memory", wrong: "Callable[[InputError], None]"
+        self,
+        start: "Robot",
+        memory: "Memory",
+        wrong: "Callable[[InputError], None]",
+        stream: "Iterable[bytes] | None" = None,
     ) -> "Iterator[tuple[float, list[Table]]]":
-        """The rows that a robot does not have yet, each moment's with its stamp; of lines, those to come."""
+        """The rows that a robot does not have yet, each moment's with its stamp; of lines, those to come, on a `stream`
+        or stdin."""
         from teamslam.live import replayed, spoken
 
         if self.camera is not None:
@@ -62,7 +67,7 @@ class Source:
             newest_s = start.newest * self.log.names.tick_s
             return (row for row in replayed(self.log, self.number) if row[0] >= newest_s)
         self.lines.goes_on_after(memory.tables, memory.names)
-        return spoken(self.lines, sys.stdin.buffer, wrong, QUIET_S)
+        return spoken(self.lines, sys.stdin.buffer if stream is None else stream, wrong, QUIET_S)
 
     @property
     def names(self) -> "Callable[[], Names] | None":

@@ -19,6 +19,7 @@ def robot(
     robot: str | None = None,
     steps: Steps = NONE,
     lines: Annotated[bool | None, Parameter(negative="")] = None,
+    remote: Annotated[bool | None, Parameter(negative="")] = None,
     camera: str | None = None,
     speed: float | None = None,
     resume: Annotated[bool | None, Parameter(negative="")] = None,
@@ -67,6 +68,10 @@ def robot(
         The robot's name. Needed where the log is of several.
     lines
         Rows come from stdin, a JSON object a line, as they are measured.
+    remote
+        Rows come over the team's network, told as with --lines: in packets of one line or more at
+        teamslam/TEAM/rows/NUMBER, from a program that has the robot's certificate. An empty packet ends them. Needs
+        --listen.
     camera
         Rows come from a camera that films now: its number or path (0, /dev/video0; a film or a pipe plays one). LOG is
         a team file, of which the robot has this one camera and no odometry.
@@ -105,8 +110,8 @@ def robot(
 
     duty: Duty = told(
         read_duty(config) if config is not None else Duty(),
-        {"log": log, "out": out, "robot": robot, "lines": lines, "camera": camera, "resume": resume, "events": events,
-         "view": view, "format": format, "speed": speed},
+        {"log": log, "out": out, "robot": robot, "lines": lines, "remote": remote, "camera": camera, "resume": resume,
+         "events": events, "view": view, "format": format, "speed": speed},
     )  # fmt: skip
     where = {"name": team, "listen": listen, "connect": connect or None, "certificates": certificates}
     duty = replace(
@@ -119,6 +124,8 @@ def robot(
     if not duty.resume:
         refuse_to_overwrite(duty.out, replace=None)
     source = Source.of(duty)
+    if duty.remote and duty.team.listen is None:
+        raise InputError("rows over the network need a place where the robot listens: --listen", field="remote")
     if (address := duty.address(source.number)) is not None:
         from teamslam.cli.convoy import among
 

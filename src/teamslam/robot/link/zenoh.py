@@ -2,6 +2,7 @@
 
     key     teamslam/TEAM/TO/FROM      TO 0: to all
     token   teamslam/TEAM/alive/ROBOT  while it is there and in reach
+    rows    teamslam/TEAM/rows/ROBOT   what its sensors measure, told by a program of its own
 
 With certificates both ends of every connection prove that they are of the team, and what comes under FROM is taken
 only from whoever's certificate bears that name: nobody speaks for another. A packet is handed over by a thread of its
@@ -12,7 +13,7 @@ exchange is made for.
 import json
 import queue
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,7 @@ from teamslam.robot.link import HEARD
 from teamslam.robot.link.inbox import Inbox
 from teamslam.robot.link.keys import AUTHORITY, common_name
 
-ALIVE = "alive"  # in place of a robot's number
+ALIVE, ROWS = "alive", "rows"  # in place of a robot's number
 WAITING = 1000  # packets that wait to be handed over at most; more are dropped
 LEASE_MS = 20_000  # a peer that says nothing for so long is gone; TCP may, where a third of all packets is lost
 OPENS_MS = 30_000  # a connection is made within; there shaking hands takes more than Zenoh's own 10 s, again and again
@@ -73,6 +74,18 @@ class ZenohLink:
             raise InputError(f"the link cannot be opened at {address.listen}: {error}") from None
         self._mouth = threading.Thread(target=self._say, name=f"link of robot {address.robot}", daemon=True)
         self._mouth.start()
+        self._rows: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+
+    def rows(self) -> Iterator[bytes]:
+        """What is told to the robot of its own rows, line by line, until an empty packet comes or the link is closed.
+        With certificates only from who has the robot's own."""
+        key = f"teamslam/{self.address.team}/{ROWS}/{self.address.robot}"
+        self._ears.append(self._session.declare_subscriber(key, self._told))
+        return iter(self._rows.get, None)
+
+    def _told(self, sample: Any) -> None:
+        for line in sample.payload.to_bytes().splitlines() or (None,):
+            self._rows.put(line)
 
     def send(self, to: int, data: bytes) -> None:
         """A packet to a robot, or to all that can be reached (0)."""
@@ -99,6 +112,7 @@ class ZenohLink:
     def close(self) -> None:
         """Leave; what waits to be handed over is, if that is quick. Where the network does not let one take one's leave
         in time, one is gone without."""
+        self._rows.put(None)
         with suppress(queue.Full):
             self._outbox.put(None, timeout=1.0)
         self._mouth.join(5.0)
