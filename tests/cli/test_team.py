@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from teamslam.cli.convoy import convoy
 from teamslam.convoy import Driver
+from teamslam.errors import InputError
 from teamslam.events import happened
 from teamslam.fleet import Member
 from teamslam.io import read, read_submaps, write
@@ -75,6 +77,12 @@ def test_links_that_cannot_be_are_refused(
 ) -> None:
     called = teamslam("team", log, "--out", tmp_path / "out", *extra)
     assert called.code == 2 and says in called.err and not (tmp_path / "out").exists()
+
+
+def test_a_robot_that_ends_by_itself_is_named_with_what_it_said(log: Path, tmp_path: Path) -> None:
+    pytest.importorskip("zenoh")
+    with pytest.raises(InputError, match=r"output.txt: robot [123] has ended by itself, with code 2: .* 2 poses"):
+        convoy(log, read(log), [1, 2, 3], tmp_path, ["--poses-per-piece", "1"], 0, 0)
 
 
 def test_where_no_robot_wrote_there_is_no_status(teamslam, tmp_path: Path) -> None:

@@ -155,7 +155,8 @@ def convoy(
     log: Path, dataset: "Dataset", numbers: Sequence[int], out: Path, extra: Sequence[str], kill: int, seed: int
 ) -> dict[str, Any]:
     """A process for each robot of a log, over sockets of this machine with certificates, until all hold the same; so
-    often as `kill` says one is killed on the way, and started anew. The last status of each."""
+    often as `kill` says one is killed on the way, and started anew. The last status of each. InputError where a robot
+    ends by itself."""
     import numpy as np
 
     from teamslam.robot.link.keys import make_certificates
@@ -169,6 +170,8 @@ def convoy(
         while True:
             time.sleep(0.2)
             status = {number: status_of(out / dataset.names.robot(number)) for number in numbers}
+            for number, process in processes.items():
+                _refuse_the_dead(dataset.names.robot(number), process.poll(), out)
             if kills and time.monotonic() > next_kill:
                 victim = int(rng.choice(numbers))
                 processes[victim].kill()
@@ -180,7 +183,7 @@ def convoy(
                 quiet_since = time.monotonic()
             same = parked and len({s["root"] for s in status.values()}) == 1
             same = same and not any(s["making"] or s["rounds"]["busy"] for s in status.values())
-            if same or time.monotonic() - quiet_since > 60.0 or any(p.poll() is not None for p in processes.values()):
+            if same or time.monotonic() - quiet_since > 60.0:
                 return {dataset.names.robot(number): s for number, s in status.items()}
     finally:
         for process in processes.values():
@@ -218,6 +221,16 @@ def _started(
     command += ["--members", *map(str, places)]
     with (folder / "output.txt").open("ab") as output:
         return subprocess.Popen(command, stdout=output, stderr=output, env={**os.environ, "OMP_NUM_THREADS": "1"})
+
+
+def _refuse_the_dead(name: str, code: int | None, out: Path) -> None:
+    from teamslam.errors import InputError
+
+    if code is None:
+        return
+    said = out / name / "output.txt"
+    last = next(iter(said.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]), "it said nothing")
+    raise InputError(f"robot {name} has ended by itself, with code {code}: {last}", path=said)
 
 
 def _free_port() -> int:
