@@ -12,6 +12,7 @@ from teamslam.errors import InputError
 from teamslam.joining import build, split
 from teamslam.model import Submap
 from teamslam.robot.link.memory import Air, Weather
+from teamslam.robot.opened import opened
 from teamslam.robot.packets import Ask, Body, Entry, Have, List, Want, from_bytes, to_bytes
 from teamslam.robot.peer import EVERYONE, Habits, Peer
 from teamslam.team import SubmapSet
@@ -110,6 +111,24 @@ def test_a_step_is_pure() -> None:
     one, first = peer.step(5.0, inbox)
     two, second = peer.step(5.0, inbox)
     assert first == second and one.root == two.root == peer.root and not peer.lines
+
+
+def test_what_tells_most_goes_first() -> None:
+    """Who asks says in which order: what others know by name, which is small, then the submaps of most measurements.
+    So under a budget that is spent half way, it is the most informative that are held."""
+    pieces = [4, 1, 3, 2]
+    log = team("2d", robots=1, poses=sum(pieces) * 6, landmarks=5, sees=0.8)
+    submaps = [build(piece) for n in pieces for piece in split(log, poses_per_piece=6 * n)[:1]]
+    named = [replace(submap, id=f"1/{n}") for n, submap in enumerate(submaps)]
+    other = Peer(2).with_submaps(named)
+    _, out = Peer(1).step(0.0, [(2, to_bytes(other.listing))])
+    (want,) = (packet for packet in map(from_bytes, (o.data for o in out)) if isinstance(packet, Want))
+    entries = {entry.digest: entry for entry in other.listing.entries}
+    asked = [entries[digest] for digest in want.digests]
+    assert asked[0].knows and [entry.id for entry in asked[1:]] == ["1/0", "1/2", "1/3", "1/1"]
+    _, out = other.step(0.0, [(1, to_bytes(want))])
+    sent = [opened(p.data).entry for p in map(from_bytes, (o.data for o in out)) if isinstance(p, Body)]
+    assert sent == asked
 
 
 def test_removals_spread() -> None:
