@@ -100,11 +100,11 @@ class Crew:
         return self.held() and not any(self.status(robot)["rounds"]["busy"] for robot in self.processes)
 
     def rounded(self) -> bool:
-        """Whether of every part of the map some robot says how exact it is by rounds, or why there are none."""
+        """Whether of every part of the map that is of several robots some robot says how exact it is by rounds."""
         told: dict[tuple[str, ...], bool] = {}
         for part in (part for robot in self.processes for part in self.status(robot)["rounds"]["parts"]):
             robots = tuple(part["robots"])
-            told[robots] = told.get(robots, False) or bool(part["exactness"] or part["why"])
+            told[robots] = told.get(robots, False) or bool(part["exactness"]) or len(robots) == 1
         return self.same() and bool(told) and all(told.values())
 
     def until(self, there: Callable[[], bool], seconds: float) -> bool:
