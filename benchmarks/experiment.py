@@ -5,7 +5,8 @@
 
 Each seed draws a room, the robots' ways and all noise: `teamslam film FOLDER/seedN --seed N --seconds 30 --images-hz 2`
 (two robots, 60 images each of 640 x 480, with noise, motion blur, distortion, a rolling shutter and an exposure that
-changes), and is mapped from its recordings, images and all. Films that lie in FOLDER already are not made again.
+changes, and their depths as a Kinect measures them), and is mapped from its recordings, images and all. Films that lie
+in FOLDER already are not made again.
 """
 
 import argparse
@@ -185,10 +186,15 @@ def with_tables(change: Callable[[Dataset, Table], Table | None]) -> Callable[[P
 
     def changed(team: Path) -> Dataset:
         log = with_cameras()(team)
-        tables = (change(log, t) if t.model == "corners" else t for t in log.tables)
+        tables = (t if t.source == "odometry" else change(log, t) for t in log.tables)
         return replace(log, tables=tuple(t for t in tables if t is not None))
 
     return changed
+
+
+def without_depths(change: Callable[[Dataset, Table], Table]) -> Callable[[Dataset, Table], Table | None]:
+    """Corners changed, depths left out."""
+    return lambda log, table: change(log, table) if table.model == "corners" else None
 
 
 def right_poses(log: Dataset, table: Table) -> Table:
@@ -212,15 +218,18 @@ def alike(log: Dataset, table: Table) -> Table:
 
 CHANGES: dict[str, Callable[[Path], Dataset]] = {
     "all of it": with_cameras(),
+    "no depths": with_tables(without_depths(lambda _, t: t)),
     "clocks and latencies estimated, too, as runs do by default": with_cameras(sigma=Unsure(), clock=StatedClock()),
     "cameras 2 cm and 2 degrees from where they are said to be": with_cameras(wrong=True),
     "the same, places of cameras estimated": with_cameras(wrong=True, sigma=UNSURE),
     "the rolling shutter ignored": with_cameras(line_s=0.0),
     "all corners known alike (0.5 px)": with_cameras(floor_px=0.5, edge_px=0.0),
-    "a pose for each sighting, by its corners; the better of two": with_tables(lambda _, t: as_relative_poses(t)),
-    "the same, of two poses the right one": with_tables(right_poses),
-    "a pose for each sighting, all known alike (2 cm, 3 degrees)": with_tables(alike),
-    "robots do not see each other": with_tables(lambda _, t: t if t.source == "landmarks" else None),
+    "no depths, and a pose for each sighting, by its corners; the better of two": with_tables(
+        without_depths(lambda _, t: as_relative_poses(t))
+    ),
+    "the same, of two poses the right one": with_tables(without_depths(right_poses)),
+    "the same, all known alike (2 cm, 3 degrees)": with_tables(without_depths(alike)),
+    "robots do not see each other": with_tables(lambda _, t: None if t.source.startswith("robots") else t),
 }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from teamslam.cli.film import team_of
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners
+from teamslam.frontend.tags.depth import TagDepths, depths_on
 from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.geometry import Pose
 from teamslam.io.bags.first_guess import first_guess
@@ -15,6 +16,9 @@ from teamslam.io.bags.seen import Book, Seen, View
 from teamslam.io.bags.team import Recordings
 from teamslam.io.bags.unknowns import stated_in
 from teamslam.sim.film import PRESETS, film
+from teamslam.sim.film.ranging import ranged
+from teamslam.sim.film.render import Renderer
+from teamslam.sim.film.shutter import Shutter
 from teamslam.sim.film.stage import CAMERA, FACE_TAG_M, TAG_M
 from teamslam.sim.film.takes import START_TICK
 
@@ -31,8 +35,8 @@ class Planted:
     line_s: float = 0.0
 
 
-def filmed(seed=0, seconds=60.0, images_hz=5.0, planted=None, noise=1.0, preset="clocks"):
-    """What the two robots of a film recorded, as `Recordings` without a file, and the film."""
+def filmed(seed=0, seconds=60.0, images_hz=5.0, planted=None, noise=1.0, preset="clocks", deep=False):
+    """What the two robots of a film recorded, as `Recordings` without a file, and the film; `deep`: with depths."""
     planted = planted or Planted()
     made = film(replace(PRESETS[preset], seconds=seconds, images_hz=images_hz), seed)
     file = team_of(made, "")
@@ -42,7 +46,9 @@ def filmed(seed=0, seconds=60.0, images_hz=5.0, planted=None, noise=1.0, preset=
         entry = file.robot[k]
         corners = _corners(made, k, planted, rng, noise)
         entry = replaced(entry, camera=[replaced(entry.camera[0], line_s=planted.line_s)])
-        view = View(entry.camera[0], made.options.camera, corners)
+        view = View(
+            entry.camera[0], made.options.camera, corners, depths=_depths(made, k, corners, planted) if deep else None
+        )
         seen.append(Seen(entry, made.odometry(k), made.truth(k), (view,), ()))
     return seen, replaced(file, robot=[robot.entry for robot in seen]), made
 
@@ -78,6 +84,17 @@ def _corners(made, robot, planted, rng, noise):
     return TagCorners(
         np.array(frames), np.array(frame), np.array(ids), np.array(corners), np.zeros(n, int), ("tag36h11",) * n
     )
+
+
+def _depths(made, robot, corners, planted):
+    """What the film's sensor of depth says of the tags."""
+    renderer = Renderer(made.stage, made.options.camera, Shutter(line_s=planted.line_s))
+    parts = []
+    for frame in np.unique(corners.frame).tolist():
+        rng = np.random.default_rng([made.seed, 4, robot, frame])
+        depth = ranged(renderer.depth(robot, float(made.stamps_s[frame])), made.options.ranger, rng)
+        parts.append(depths_on(1e-3 * depth, corners.corners[corners.frame == frame]))
+    return TagDepths.together(parts)
 
 
 def _tags(made, other):

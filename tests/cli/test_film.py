@@ -36,6 +36,10 @@ def test_a_film_is_recorded_as_it_was(kind, teamslam, tmp_path):
             frame = next(made.frames(robot))
             assert first.tick == frame.tick
             assert np.array_equal(recording.decode(first).data, frame.image.ravel())
+            (deep, *_) = recording.messages(["/camera/depth_registered/image_raw"])
+            found = recording.decode(deep)
+            assert deep.tick == frame.tick and found.encoding == "16UC1"
+            assert np.array_equal(found.data.view("<u2"), frame.depth.ravel())
     team = read_team_file(tmp_path / "lab" / "team.toml")
     write_team_file(team, tmp_path / "again.toml")
     assert read_team_file(tmp_path / "again.toml") == team

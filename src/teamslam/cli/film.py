@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from teamslam.pipeline import Progress
     from teamslam.sim.film import Film
 
+DEPTH = "/camera/depth_registered/image_raw"
+
 
 def film(
     out: Path,
@@ -23,8 +25,8 @@ def film(
 ) -> int:
     """Film two robots that carry cubes of tags through a room with four more, and write what they recorded.
 
-    A recording for each robot, with odometry, images, camera_info and true poses, and the team file that maps them. The
-    same preset, options and seed give the same images, to the bit. Needs `pip install teamslam[tags]`.
+    A recording for each robot, with odometry, images, depths, camera_info and true poses, and the team file that maps
+    them. The same preset, options and seed give the same images, to the bit. Needs `pip install teamslam[tags]`.
 
     ```
     teamslam film lab
@@ -102,9 +104,17 @@ def write_film(made: "Film", out: Path, to: str, progress: "Progress") -> None:
     """The recordings of a film and its team file, into a folder, which is made."""
     import json
     from dataclasses import asdict
+    from itertools import tee
 
     from teamslam.io.bags.team_file import write_team_file
-    from teamslam.io.bags.written import KINDS, image_messages, odometry_messages, pose_messages, write_recording
+    from teamslam.io.bags.written import (
+        KINDS,
+        depth_messages,
+        image_messages,
+        odometry_messages,
+        pose_messages,
+        write_recording,
+    )
     from teamslam.io.files.text import write_text
     from teamslam.results import made_folder
 
@@ -113,15 +123,17 @@ def write_film(made: "Film", out: Path, to: str, progress: "Progress") -> None:
     for robot in made.robots:
         stage = f"filming robot {robot + 1}"
 
-        def images(robot: int = robot, stage: str = stage):  # type: ignore[no-untyped-def]
+        def told(robot: int = robot, stage: str = stage):  # type: ignore[no-untyped-def]
             for k, frame in enumerate(made.frames(robot), 1):
                 progress(stage, k, len(made.stamps_s))
-                yield frame.tick, frame.image
+                yield frame
 
+        frames, again = tee(told())
         streams = (
             odometry_messages("/odom", made.odometry(robot)),
             pose_messages("/mocap/pose", made.truth(robot)),
-            image_messages("/camera", images(), made.options.camera, "camera"),
+            image_messages("/camera", ((f.tick, f.image) for f in frames), made.options.camera, "camera"),
+            depth_messages(DEPTH, ((f.tick, f.depth) for f in again), "camera"),
         )
         write_recording(out / team.robot[robot].recording, to, streams)
     write_team_file(team, out / "team.toml")
@@ -142,6 +154,7 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
     camera = CameraEntry(
         name="front",
         images="/camera/image_raw",
+        depth=DEPTH,
         calibration="/camera/camera_info",
         xyz_m=tuple(CAMERA.translation.tolist()),
         quaternion_wxyz=tuple(CAMERA.quaternion_wxyz().tolist()),
@@ -149,6 +162,7 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
         line_s=options.shutter.line_s,
         floor_px=0.02,
         edge_px=0.08,
+        depth_floor=0.0,
     )
 
     def carried(number: int, pose, size_m: float | None = None) -> CarriedTag:  # type: ignore[no-untyped-def]

@@ -105,7 +105,7 @@ class LiveCamera:
         team[self.robot - 1] = seen
         keyframes: dict[int, IntArray] = {self.robot: np.array([tick], np.int64)}
         tables = [self._tie(tick, {tag.carrier for tag in view.tags})]
-        tables += [part.table(team, self._loss) for part in parts_of(seen, team, keyframes)]
+        tables += [table for part in parts_of(seen, team, keyframes) for table in part.tables(team, self._loss)]
         counted = [self._counted(table) for table in tables if table is not None and len(table)]
         return tick / TICKS_PER_S, counted
 

@@ -184,15 +184,11 @@ def _decoded(data: AnyArray) -> AnyArray:
 
 
 def _raw(found: Any) -> AnyArray:
-    name, height, width, step = str(found.encoding).lower(), int(found.height), int(found.width), int(found.step)
+    name, height, width = str(found.encoding).lower(), int(found.height), int(found.width)
     if name not in CHANNELS:
         raise Unusable(f"of an encoding that is not known, {found.encoding!r}")
     numbers, deep = CHANNELS[name], name.endswith(("16", "16uc1"))
-    rows = height * 3 // 2 if name.startswith("nv") else height
-    data = np.frombuffer(bytes(found.data), np.uint8)
-    if min(height, width) < 1 or step < width * numbers * (1 + deep) or len(data) < rows * step:
-        raise Unusable("whose bytes do not make an image of the size that they state")
-    lines = data[: rows * step].reshape(rows, step)[:height, : width * numbers * (1 + deep)]
+    lines = lines_of(found, numbers * (1 + deep), height * 3 // 2 if name.startswith("nv") else height)
     if deep:
         order = ">u2" if found.is_bigendian else "<u2"
         return _in_bytes(np.ascontiguousarray(lines).view(order).astype(float))
@@ -211,6 +207,15 @@ def _raw(found: Any) -> AnyArray:
     weights = np.zeros(numbers)
     weights[[red, 1, blue]] = 0.299, 0.587, 0.114  # of ITU-R BT.601
     return np.asarray(np.round(pixels @ weights), np.uint8)
+
+
+def lines_of(found: Any, pixel: int, rows: int) -> AnyArray:
+    """The lines (height, bytes) of a raw image whose pixels have so many bytes, of which the message holds `rows`."""
+    height, length, step = int(found.height), int(found.width) * pixel, int(found.step)
+    data = np.frombuffer(bytes(found.data), np.uint8)
+    if min(height, length) < 1 or step < length or len(data) < rows * step:
+        raise Unusable("whose bytes do not make an image of the size that they state")
+    return data[: rows * step].reshape(rows, step)[:height, :length]
 
 
 def _in_bytes(image: AnyArray) -> AnyArray:

@@ -47,6 +47,13 @@ def _images(found: Contents) -> list[TopicContents]:
     return [topic for topic in topics if topic.name.removesuffix("/compressed") not in names - {topic.name}]
 
 
+def _depths(found: Contents) -> list[TopicContents]:
+    """The topics of images of depth that are registered to a camera of colour, by what drivers call them."""
+    topics = [t for t in found.of_role("image") if "depth" in t.name.lower()]
+    topics = [t for t in topics if "registered" in t.name.lower() or "aligned" in t.name.lower()]
+    return sorted(topics, key=lambda topic: topic.name.lower().endswith("compresseddepth"))
+
+
 def _camera(topic: TopicContents, found: Contents) -> Iterator[str]:
     parent = PurePosixPath(topic.name).parent
     yield "[[robot.camera]]"
@@ -57,6 +64,8 @@ def _camera(topic: TopicContents, found: Contents) -> Iterator[str]:
         yield f"calibration = {_text(beside[0].name)}"
     else:
         yield 'calibration = "calibration.yaml"  # ? no camera_info beside it: a file of ROS, OpenCV, Kalibr, ...'
+    if deep := [t for t in _depths(found) if _space(t.name) == _space(topic.name)]:
+        yield f"depth = {_text(deep[0].name)}  # ? registered to this camera, pixel for pixel"
     yield "xyz_m = [0.0, 0.0, 0.0]  # ? where the camera is in the robot's body"
     yield "quaternion_wxyz = [1.0, 0.0, 0.0, 0.0]  # ? and how it is turned (z looks ahead, x to the right)"
 

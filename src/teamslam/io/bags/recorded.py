@@ -12,6 +12,7 @@ from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.detect import Looking, of_one_family
 from teamslam.frontend.tags.implied import TagPoses, implied_corners
 from teamslam.io.bags.calibration import camera_in, read_camera
+from teamslam.io.bags.depths import with_depths
 from teamslam.io.bags.image_stamps import read_stamps
 from teamslam.io.bags.looked import Progress, refuse_other_size, tags_in
 from teamslam.io.bags.opened import Recording, is_recording, opened
@@ -28,30 +29,42 @@ SIZE_DIFFERS = 0.01  # of a tag's edge, from where on it is told
 
 def seen_by(entry: RobotEntry, folder: Path, team: TeamFile, progress: Progress | None) -> Seen:
     """A robot's recording, video or folder of images, read."""
-    path, looking = folder / entry.recording, team.tags.looking()
+    path = folder / entry.recording
     if is_video(path) or (path.is_dir() and not is_recording(path)):
-        return _seen_in_files(entry, folder, looking, progress)
+        return _seen_in_files(entry, folder, team.tags.looking(), progress)
     with opened(path) as recording:
         track = read_track(recording, entry.odometry) if entry.odometry is not None else None
         truth = read_track(recording, entry.truth) if entry.truth is not None else None
-        views, dropped, notes = [], [], []
-        for camera in entry.camera:
-            known = _camera_of(camera, folder, recording)
-            if camera.tags and _role(recording, camera.tags) == "tag poses":
-                implied = _implied(entry, camera, known, read_tag_poses(recording, camera.tags), team)
-                views.append(implied.view)
-                dropped += implied.dropped
-                notes.append(implied.note)
-                continue
-            if camera.tags:
-                views.append(View(camera, known, read_corners(recording, camera.tags)))
-                continue
-            look = _look(entry, camera, known, pictures_of_topic(recording, camera.images), looking, progress)
-            views.append(look.view)
-            dropped += look.dropped
-            notes.append(look.note)
+        looks = [_seen_by_camera(entry, camera, folder, recording, team, progress) for camera in entry.camera]
+        views = [look.view for look in looks]
+        dropped = [left for look in looks for left in look.dropped]
+        notes = [look.note for look in looks if look.note]
+        for k, camera in enumerate(entry.camera):
+            if camera.depth:
+                deep = with_depths(views[k], recording, f"robot {entry.name}, camera {camera.name}")
+                views[k] = deep.view
+                dropped += deep.dropped
+                notes.append(deep.note)
         dropped += [Dropped(d.count, f"robot {entry.name}: {d.reason}") for d in recording.dropped]
         return Seen(entry, track, truth, tuple(views), tuple(dropped), tuple(notes))
+
+
+def _seen_by_camera(
+    entry: RobotEntry,
+    camera: CameraEntry,
+    folder: Path,
+    recording: Recording,
+    team: TeamFile,
+    progress: Progress | None,
+) -> "_Look":
+    """What a camera of a recording saw: as a detector told it, or in its images."""
+    known = _camera_of(camera, folder, recording)
+    if camera.tags and _role(recording, camera.tags) == "tag poses":
+        return _implied(entry, camera, known, read_tag_poses(recording, camera.tags), team)
+    if camera.tags:
+        return _Look(View(camera, known, read_corners(recording, camera.tags)), [], "")
+    pictures = pictures_of_topic(recording, camera.images)
+    return _look(entry, camera, known, pictures, team.tags.looking(), progress)
 
 
 def cameras_of(entry: RobotEntry, folder: Path) -> tuple[Camera, ...]:
@@ -102,6 +115,8 @@ def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: 
             raise InputError(f"a {kind} has no {name}", path=path, field=f"robot.{name}")
     looks = []
     for camera in entry.camera:
+        if camera.depth:
+            raise InputError(f"a {kind} has no topic of depths", path=path, field="robot.camera.depth")
         if not camera.images:
             raise InputError(
                 f"a {kind} has no topics; name its images with a pattern, images = '*.png' (of a video: '*')",

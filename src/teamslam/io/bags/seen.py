@@ -11,6 +11,7 @@ from teamslam.frontend.clock import Clock
 from teamslam.frontend.stamps import keyframe_of, merge
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners, Track
 from teamslam.frontend.tags.camera import Camera
+from teamslam.frontend.tags.depth import TagDepths
 from teamslam.frontend.tags.identities import Place
 from teamslam.frontend.tags.rows import Tag
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray
@@ -37,18 +38,21 @@ class Book:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one camera of a robot saw: detections that are used, and the tag of each."""
+    """What one camera of a robot saw: detections that are used, the tag of each, and how deep its face was, where the
+    camera has images of depth."""
 
     entry: CameraEntry
     camera: Camera
     corners: TagCorners
     tags: tuple[Tag, ...] = ()
+    depths: TagDepths | None = None
 
     def select(self, index: AnyArray) -> "View":
         """The detections at a mask or index."""
         rows = np.arange(len(self.corners))[index]
         tags = tuple(self.tags[row] for row in rows.tolist()) if self.tags else ()
-        return replace(self, corners=self.corners.select(rows), tags=tags)
+        depths = None if self.depths is None else self.depths.select(rows)
+        return replace(self, corners=self.corners.select(rows), tags=tags, depths=depths)
 
     @property
     def ticks(self) -> IntArray:

@@ -1,4 +1,5 @@
-"""A robot's tags in its images as tables of the model `corners`, of landmarks and of other robots.
+"""A robot's tags in its images as tables of the model `corners`, of landmarks and of other robots; and what images of
+depth say of them, as `relative_pose` with three numbers known (`frontend.tags.plane_rows`).
 
 An image belongs to the last keyframe that is not after it, and a line of a rolling shutter is read a little before or
 after the image's instant, which is that of its middle line. What was seen late is put where it would have been seen at
@@ -13,7 +14,9 @@ from msgspec import structs
 
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
+from teamslam.frontend.tags.depth import planes
 from teamslam.frontend.tags.late import Motion
+from teamslam.frontend.tags.plane_rows import plane_rows
 from teamslam.frontend.tags.rows import LOOKING, corner_rows
 from teamslam.frontend.way import moved
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
@@ -26,10 +29,11 @@ SOURCES = ("landmarks", "robots")
 
 
 def sightings_of(robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray], file: TeamFile) -> list[Table]:
-    """A robot's sightings, a table for each camera and source. Robots are numbered from 1 in the order of `team`, and
-    have keyframes [ticks] by number, by their own clocks; `robot` may be one of them with its tags renamed."""
+    """A robot's sightings, a table for each camera and source, and one of their depths where there are any. Robots are
+    numbered from 1 in the order of `team`, and have keyframes [ticks] by number, by their own clocks; `robot` may be
+    one of them with its tags renamed."""
     loss = Loss(file.tags.loss, file.tags.loss_scale)
-    return [part.table(team, loss) for part in parts_of(robot, team, keyframes)]
+    return [table for part in parts_of(robot, team, keyframes) for table in part.tables(team, loss)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,25 +52,40 @@ class Part:
     carriers: IntArray
     targets: IntArray
 
-    def table(self, team: Sequence[Seen], loss: Loss, standing: Pose | None = None) -> Table:
-        """Its rows, by the clocks and cameras of `team`; `standing` as in `corner_rows`."""
+    def tables(self, team: Sequence[Seen], loss: Loss, standing: Pose | None = None) -> list[Table]:
+        """Its rows, by the clocks and cameras of `team`, and those of depth where the camera has any, by the same ids;
+        `standing` as in `corner_rows`."""
         view = team[self.number - 1].views[self.camera].select(self.mine)
-        motion = _motion(view, self.number, self.observers, self.carriers, self.targets, team)
+        motion = _motion(view, view.line_late_s, self, team)
         values, white, good = corner_rows(
             view.corners, view.camera, list(view.tags), view.entry.floor_px, view.entry.edge_px, motion, standing
         )
+        corners = self._table("corners", view, (values, white), good, loss)
+        return [corners] if view.depths is None else [corners, self._depths(view, (values, white), good, team, loss)]
+
+    def _depths(
+        self, view: View, corners: tuple[Array, Array], good: BoolArray, team: Sequence[Seen], loss: Loss
+    ) -> Table:
+        """The planes of tags in images of depth, each measured where the middle of the tag is."""
+        assert view.depths is not None
+        plane, covariance, told = planes(view.depths, view.camera, view.entry.depth_floor)
+        rows = np.flatnonzero(good & told)
+        R, late = LOOKING.rotation, view.line_late_s.mean(1, keepdims=True)
+        motion = _motion(view, late, self, team)
+        part = None if motion is None else Motion(motion.eye[rows], motion.body[rows])
+        seen = plane[rows] @ R, R.T @ covariance[rows] @ R
+        tags = [view.tags[row] for row in rows.tolist()]
+        values, white, kept = plane_rows((corners[0][rows], corners[1][rows]), seen, tags, part)
+        all_ = np.zeros((len(good), 12)), np.zeros((len(good), 6, 6))
+        all_[0][rows], all_[1][rows] = values, white
+        return self._table("relative_pose", view, all_, np.isin(np.arange(len(good)), rows[kept]), loss)
+
+    def _table(self, model: str, view: View, rows: tuple[Array, Array], good: BoolArray, loss: Loss) -> Table:
+        """Those rows that are good; depths are a source of their own."""
+        source = self.source if model == "corners" else f"{self.source}_depth"
         sensor = view.entry.pose @ LOOKING
         return Table(
-            self.number,
-            self.source,
-            "corners",
-            3,
-            self.keys[good],
-            values[good],
-            white[good],
-            self.ids[good],
-            sensor,
-            loss,
+            self.number, source, model, 3, self.keys[good], rows[0][good], rows[1][good], self.ids[good], sensor, loss
         )
 
     def differs(self, one: Sequence[Seen], other: Sequence[Seen]) -> bool:
@@ -144,14 +163,13 @@ def _keys_of(view: View, carriers: IntArray, targets: IntArray) -> IntArray:
     ], np.int64)  # fmt: skip
 
 
-def _motion(
-    view: View, number: int, observers: IntArray, carriers: IntArray, targets: IntArray, team: Sequence[Seen]
-) -> Motion | None:
-    """How eye and carriers moved from their keyframes until each corner was seen, as far as odometry says; None where
-    all were seen there."""
-    late = _late(view, view.ticks - observers, team[number - 1])
+def _motion(view: View, line_late_s: Array, part: Part, team: Sequence[Seen]) -> Motion | None:
+    """How eye and carriers moved from their keyframes until lines were read, so late (m, k) in their images, as far as
+    odometry says; None where all were read there."""
+    number, observers, carriers, targets = part.number, part.observers, part.carriers, part.targets
+    late = _late(view.ticks - observers, line_late_s, team[number - 1])
     moving = {
-        other: _late(view, ticks_by(team, number, other, view.ticks) - targets, team[other - 1])
+        other: _late(ticks_by(team, number, other, view.ticks) - targets, line_late_s, team[other - 1])
         for other in np.unique(carriers[carriers > 0]).tolist()
     }
     if not late.any() and not any(times[carriers == other].any() for other, times in moving.items()):
@@ -167,10 +185,10 @@ def _motion(
     return Motion(eye, Pose(rotation, translation))
 
 
-def _late(view: View, after: IntArray, mover: Seen) -> Array:
-    """How long after a mover's keyframe each corner (m, 4) was seen [s], images that were taken `after` it (m,)
-    [ticks]; 0 where nothing tells how it moved meanwhile."""
-    seen = after[:, None] / TICKS_PER_S + view.line_late_s
+def _late(after: IntArray, line_late_s: Array, mover: Seen) -> Array:
+    """How long after a mover's keyframe lines (m, k) were read [s], of images that were taken `after` it (m,) [ticks];
+    0 where nothing tells how it moved meanwhile."""
+    seen = after[:, None] / TICKS_PER_S + line_late_s
     return np.zeros_like(seen) if mover.track is None else np.asarray(seen)
 
 

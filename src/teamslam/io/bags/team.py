@@ -160,17 +160,22 @@ class Reading:
         now = team_with(self.used, file_with(self.recordings.file, self.recordings.stated, values))
         loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
         return tuple(
-            part.moved(base, now) if part.differs_in_place(self.used, now) else part.table(now, loss, standing)
-            for part, base, standing in self._parts
+            table
+            for part, bases, standing in self._parts
             if part.differs(self.used, now)
+            for table in (
+                [part.moved(base, now) for base in bases]
+                if part.differs_in_place(self.used, now)
+                else part.tables(now, loss, standing)
+            )
         )
 
     @cached_property
-    def _parts(self) -> list[tuple[Part, Table, Pose]]:
+    def _parts(self) -> list[tuple[Part, list[Table], Pose]]:
         """The parts of all robots, their rows, and how what they saw stood to them."""
         loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
         parts = [part for robot in self.named for part in parts_of(robot, self.used, self.keyframes)]
-        return [(part, base := part.table(self.used, loss), part.standing(base)) for part in parts]
+        return [(part, bases := part.tables(self.used, loss), part.standing(bases[0])) for part in parts]
 
 
 def _places(sightings: Sequence[Table], way: Sequence[Table]) -> list[Place]:

@@ -96,20 +96,24 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
     robot's recording is a video or a folder of images, `images` is a pattern of their names (of a video anything), and
     `rate_hz` says how many there are a second where these are no stamps, or `stamps` names a list of them
-    (`io.bags.image_stamps`). `floor_px` and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s` is how
-    long before its stamp the middle line of an image was taken; `line_s` is how much later than the line above each
-    line is read, 0 where all are exposed at once (below zero: from below); `focal_scale` is how much longer its focal
-    lengths are than its calibration says. `sigma` says how well these are known."""
+    (`io.bags.image_stamps`). `depth` is a topic of images of depth, registered to those in which tags are seen, pixel
+    for pixel, and `depth_floor` the share of the distance by which all of them may be off. `floor_px` and `edge_px` are
+    the corners' noise (frontend.tags.noise); `delay_s` is how long before its stamp the middle line of an image was
+    taken; `line_s` is how much later than the line above each line is read, 0 where all are exposed at once (below
+    zero: from below); `focal_scale` is how much longer its focal lengths are than its calibration says. `sigma` says
+    how well these are known."""
 
     name: str
     tags: str = ""
     images: str = ""
     rate_hz: float | None = None
     stamps: str = ""
+    depth: str = ""
     calibration: str
     calibration_name: str | None = None
     floor_px: float = 0.5
     edge_px: float = 0.5
+    depth_floor: float = 0.005
     delay_s: float = 0.0
     line_s: float = 0.0
     focal_scale: float = 1.0
@@ -276,6 +280,8 @@ def _check(team: TeamFile) -> None:
                 )
             if camera.rate_hz is not None and not 0.0 < camera.rate_hz < np.inf:
                 raise InputError("rate_hz is above 0", field="robot.camera.rate_hz")
+            if not 0.0 <= camera.depth_floor < 1.0:
+                raise InputError("depth_floor is a share, from 0 to 1", field="robot.camera.depth_floor")
             if not (camera.floor_px >= 0.0 and camera.edge_px >= 0.0 and camera.floor_px + camera.edge_px > 0.0):
                 raise InputError("floor_px and edge_px are 0 or more, and not both 0", field="robot.camera.floor_px")
 

@@ -65,6 +65,15 @@ def image_messages(space: str, images: Iterable[tuple[int, AnyArray]], camera: C
         )  # fmt: skip
 
 
+def depth_messages(topic: str, depths: Iterable[tuple[int, AnyArray]], frame: str) -> Iterator[Written]:
+    """Depths (tick, (h, w) of 16 bits) [mm] as sensor_msgs/Image."""
+    for tick, depth in depths:
+        yield Written(
+            tick, topic, "sensor_msgs/msg/Image",
+            lambda words, tick=tick, depth=depth: words.image(tick, depth, frame),  # type: ignore[misc]
+        )  # fmt: skip
+
+
 def write_recording(path: Path, kind: str, streams: Iterable[Iterator[Written]]) -> None:
     """A recording of a kind of KINDS at a path that is not there yet. InputError where it is; MissingExtraError without
     `rosbags`."""
@@ -123,17 +132,17 @@ class _Words:
         return self._make("geometry_msgs/msg/PoseStamped", header=header, pose=self._pose(track.poses[k]))
 
     def image(self, tick: int, image: AnyArray, frame: str) -> Any:
-        """One grey image."""
-        height, width = image.shape
+        """One image, grey of bytes or depth of 16 bits."""
+        (height, width), deep = image.shape, image.dtype == np.uint16
         return self._make(
             "sensor_msgs/msg/Image",
             header=self._header(tick, frame),
             height=height,
             width=width,
-            encoding="mono8",
+            encoding="16UC1" if deep else "mono8",
             is_bigendian=0,
-            step=width,
-            data=np.ascontiguousarray(image, np.uint8).ravel(),
+            step=width * (1 + deep),
+            data=np.ascontiguousarray(image, "<u2" if deep else np.uint8).view(np.uint8).ravel(),
         )
 
     def camera_info(self, tick: int, camera: Camera, frame: str) -> Any:

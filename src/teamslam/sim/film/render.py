@@ -10,7 +10,7 @@ columns, each place has had each.
     board's frame:   o + s d,   with o the eye and d the ray there;   it is met at s = -o_z / d_z
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from teamslam.frontend.tags.camera import Camera
-from teamslam.geometry import AnyArray, Array, IntArray, Pose
+from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.sim.film.boards import Board
 from teamslam.sim.film.shutter import FINE, MAGIC, Shutter
 from teamslam.sim.film.stage import CAMERA, HEIGHT_M, SIDE_M, Stage
@@ -37,11 +37,31 @@ class Renderer:
 
     def image(self, robot: int, middle_s: float) -> Array:
         """The light (h, w) on each pixel, 0 to about 1, in an image whose middle line is exposed about `middle_s`."""
+        eye = self._eye(robot, middle_s)
+        image = self._room(eye[1, 1])[0]
+        for board, carrier in self._before(robot, middle_s):
+            self._draw(image, board, eye, carrier)
+        return image
+
+    def depth(self, robot: int, middle_s: float) -> Array:
+        """How far along the camera's axis (h, w) [m] the first surface is, each line at the middle of its exposure."""
+        eye = self._eye(robot, middle_s)
+        depth = self._room(eye[1, 1])[1]
+        for board, carrier in self._before(robot, middle_s):
+            if (met := self._met(board, eye[1:2, 1:2], carrier[1:2, 1:2])) is not None:
+                window, there, _, _, s = met
+                part = depth[window]
+                part[there[0, 0]] = s[0, 0][there[0, 0]]
+        return depth
+
+    def _eye(self, robot: int, middle_s: float) -> Pose:
         times = self.shutter.times(middle_s, self.camera.size[1])
-        eye = _body(self.stage.ways[robot].at(times)) @ CAMERA
-        image = self._room(eye[1, 1])
-        for board in self.stage.hanging:
-            self._draw(image, board, eye, Pose.identity(3, times.shape))
+        return _body(self.stage.ways[robot].at(times)) @ CAMERA
+
+    def _before(self, robot: int, middle_s: float) -> Iterator[tuple[Board, Pose]]:
+        """All boards that a robot may see, on carriers at poses (3, 3, lines), those behind first."""
+        times = self.shutter.times(middle_s, self.camera.size[1])
+        yield from ((board, Pose.identity(3, times.shape)) for board in self.stage.hanging)
         others = [k for k in range(len(self.stage.ways)) if k != robot]
         here = self.stage.ways[robot].at(np.array(middle_s))[:2]
         for other in sorted(
@@ -51,14 +71,12 @@ class Renderer:
             middle = body[1, 1, len(times[0, 0]) // 2]
             boards = self.stage.carried(other)
             far = [np.linalg.norm(middle.act(b.pose.translation) - [*here, CAMERA.translation[2]]) for b in boards]
-            for k in np.argsort(far)[::-1].tolist():
-                self._draw(image, boards[k], eye, body)
-        return image
+            yield from ((boards[k], body) for k in np.argsort(far)[::-1].tolist())
 
     def scene(self, eye: Pose, boards: Iterable[tuple[Board, Pose]]) -> Array:
         """The light on each pixel of a camera at `eye` in the room, with boards on carriers at poses (3, 3, lines),
         those behind first."""
-        image = self._room(eye[1, 1])
+        image = self._room(eye[1, 1])[0]
         for board, carrier in boards:
             self._draw(image, board, eye, carrier)
         return image
@@ -84,14 +102,27 @@ class Renderer:
 
     def _draw(self, image: Array, board: Board, eye: Pose, carrier: Pose) -> None:
         """Draw a board over the image; `eye` and `carrier` (3, 3, lines) are where they are when points are exposed."""
+        if (found := self._met(board, eye, carrier)) is None:
+            return
+        window, met, row, column, _ = found
+        light = board.picture[np.where(met, row, 0), np.where(met, column, 0)]
+        part = image[window]
+        part += ((light - part) * met).mean((0, 1))
+
+    def _met(
+        self, board: Board, eye: Pose, carrier: Pose
+    ) -> tuple[tuple[slice, slice], BoolArray, IntArray, IntArray, AnyArray] | None:
+        """The window in which a board can be seen, and which points (3, 3, h, w) in it meet the board, in which row and
+        column of its picture, how far along the camera's axis; of one point a pixel (1, 1, h, w) for (1, 1, lines)."""
         there = (carrier @ board.pose).inverse() @ eye
         if (there.translation[..., 2] <= 1e-3).all():
-            return  # its back
+            return None  # its back
         top, bottom, left, right = self._window(board, eye, carrier)
         if top >= bottom or left >= right:
-            return
+            return None
         o, D = (x[:, :, top:bottom, ..., None].astype(np.float32) for x in (there.translation, there.rotation))
-        a, b = (x[:, :, top:bottom, left:right] for x in self._rays)
+        few = slice(None) if len(eye) == FINE else slice(FINE // 2, FINE // 2 + 1)
+        a, b = (x[few, few, top:bottom, left:right] for x in self._rays)
         x, y, z = (D[..., k, 0, :] * a + D[..., k, 1, :] * b + D[..., k, 2, :] for k in range(3))
         ahead = z * np.sign(o[..., 2, :]) < -1e-9
         s = -o[..., 2, :] / np.where(ahead, z, -1.0)
@@ -99,16 +130,16 @@ class Renderer:
         column = np.floor((o[..., 0, :] + s * x) / board.size_m[0] * width + 0.5 * width).astype(np.int64)
         row = np.floor(0.5 * height - (o[..., 1, :] + s * y) / board.size_m[1] * height).astype(np.int64)
         met = ahead & (o[..., 2, :] > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        light = board.picture[np.where(met, row, 0), np.where(met, column, 0)]
-        part = image[top:bottom, left:right]
-        part += ((light - part) * met).mean((0, 1))
+        return (slice(top, bottom), slice(left, right)), met, row, column, s
 
     def _window(self, board: Board, eye: Pose, carrier: Pose) -> tuple[int, int, int, int]:
         """The lines and columns in which a board can be seen."""
         width, height = self.camera.size
         corners = []
         for k in (0, height // 2, height - 1):
-            for i, j in ((1, 1), (1, 2), (1, 0)):  # the middle of the exposure, its beginning and its end
+            for i, j in (
+                ((1, 1), (1, 2), (1, 0)) if len(eye) == FINE else ((0, 0),)
+            ):  # the middle of the exposure, its beginning and its end
                 seen = eye[i, j, k].inverse().act(carrier[i, j, k].act(board.corners))
                 corners.append(seen)
         points = np.concatenate(corners)
@@ -127,12 +158,13 @@ class Renderer:
         top, bottom = np.clip([low[1], high[1]], 0, height).tolist()
         return top, bottom, left, right
 
-    def _room(self, eye: Pose) -> Array:
-        """Walls, floor and ceiling, by one ray a pixel; `eye` (lines,)."""
+    def _room(self, eye: Pose) -> tuple[Array, Array]:
+        """The light of walls, floor and ceiling, by one ray a pixel, and how far along it they are; `eye` (lines,)."""
         a, b = (x[FINE // 2, FINE // 2] for x in self._rays)
         R, T = eye.rotation.astype(np.float32)[..., None], eye.translation.astype(np.float32)[..., None]
         d = [R[:, k, 0] * a + R[:, k, 1] * b + R[:, k, 2] for k in range(3)]
-        to = [(np.where(d[k] > 0, high, low) - T[:, k]) / np.where(np.abs(d[k]) < 1e-6, 1e-6, d[k])
+        steep = [np.where(x > 0, np.maximum(x, 1e-6), np.minimum(x, -1e-6)) for x in d]
+        to = [(np.where(d[k] > 0, high, low) - T[:, k]) / steep[k]
               for k, (low, high) in enumerate(((-SIDE_M / 2, SIDE_M / 2),) * 2 + ((0.0, HEIGHT_M),))]  # fmt: skip
         s = np.minimum(np.minimum(to[0], to[1]), to[2])
         x, y, z = (T[:, k] + s * d[k] for k in range(3))
@@ -140,7 +172,8 @@ class Renderer:
         wall = np.where(to[0] < to[1], 0.55, 0.47) + soft
         floor = 0.30 + soft + 0.04 * np.tanh(8.0 * np.sin(2 * np.pi * x) * np.sin(2 * np.pi * y))
         flat = to[2] <= np.minimum(to[0], to[1])
-        return np.asarray(np.where(flat, np.where(d[2] < 0, floor, 0.75 + soft), wall), float)
+        light = np.where(flat, np.where(d[2] < 0, floor, 0.75 + soft), wall)
+        return np.asarray(light, float), np.asarray(s, float)
 
 
 def _staggered(count: int) -> Array:

@@ -14,6 +14,7 @@ from teamslam.geometry import AnyArray, Array, Pose
 from teamslam.model import is_whole
 from teamslam.sim.film.clocks import Clocks, drawn_clocks, stamped
 from teamslam.sim.film.develop import Sensor, develop
+from teamslam.sim.film.ranging import Ranger, ranged
 from teamslam.sim.film.render import Renderer
 from teamslam.sim.film.shutter import Shutter
 from teamslam.sim.film.stage import Stage, experiment
@@ -25,10 +26,10 @@ KINECT = Camera((525.0, 525.0), (319.5, 239.5), "radtan", (0.05, -0.11, 0.0008, 
 
 @dataclass(frozen=True)
 class Options:
-    """How a film is made: how long, images and odometry a second, the camera with its shutter and sensor, how much
-    later than the middle of its exposure an image is stamped, whether clocks are off (`clocks.drawn_clocks`), how far
-    robots shake where they look about [rad], and the noise of odometry per root of a metre, a second
-    and a radian."""
+    """How a film is made: how long, images and odometry a second, the camera with its shutter, its sensor and that of
+    depth, how much later than the middle of its exposure an image is stamped, whether clocks are off
+    (`clocks.drawn_clocks`), how far robots shake where they look about [rad], and the noise of odometry per root of a
+    metre, a second and a radian."""
 
     seconds: float = 60.0
     images_hz: float = 5.0
@@ -36,6 +37,7 @@ class Options:
     camera: Camera = KINECT
     shutter: Shutter = field(default_factory=Shutter)
     sensor: Sensor = field(default_factory=Sensor)
+    ranger: Ranger = field(default_factory=Ranger)
     delay_s: float = 0.0
     off_clocks: bool = False
     shakes: float = 0.0
@@ -63,10 +65,11 @@ PRESETS: dict[str, Options] = {
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """An image (h, w) of bytes, and its stamp."""
+    """An image (h, w) of bytes, the depths (h, w) of its pixels [mm], 0 where there is none, and its stamp."""
 
     tick: int
     image: AnyArray
+    depth: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +96,10 @@ class Film:
         for k, t in enumerate(self.stamps_s.tolist()):
             rng = np.random.default_rng([self.seed, 1, robot, k])
             image = develop(self._renderer.image(robot, t), self.options.sensor, t, rng)
+            rng = np.random.default_rng([self.seed, 4, robot, k])
+            depth = ranged(self._renderer.depth(robot, t), self.options.ranger, rng)
             tick = _ticks(np.array([t + self.options.delay_s + self.clocks.latency(robot)]))
-            yield Frame(int(self.clock(robot).own(tick)[0]), image)
+            yield Frame(int(self.clock(robot).own(tick)[0]), image, depth)
 
     @cached_property
     def clocks(self) -> Clocks:

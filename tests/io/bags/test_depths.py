@@ -1,0 +1,179 @@
+"""Images of depth beside those in which tags are seen: every encoding says the same; what cannot be used is counted."""
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+
+import recordings
+import teamslam as ts
+from teamslam.errors import InputError
+from teamslam.io.bags import contents, proposal
+from teamslam.io.bags.team_file import read_team_file
+
+FOCAL, WIDTH, HEIGHT, SIZE = 300.0, 160, 120, 0.2
+CENTRE = np.array([79.5, 59.5])
+STAMPS = [10**9 * k for k in range(1, 7)]
+TOPIC = "/camera/depth_registered/image_raw"
+
+
+def plane(k):
+    """The tag's plane m . P = 1 in image k: some 1.5 m ahead, leaned."""
+    return np.array([0.05 * k - 0.15, 0.1, 1.0]) / (1.5 + 0.1 * k)
+
+
+def depths(k):
+    """Depths [m] of a wall that fills image k."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    z = 1.0 / (np.stack([(u - CENTRE[0]) / FOCAL, (v - CENTRE[1]) / FOCAL, np.ones(u.shape)], -1) @ plane(k))
+    return z + 2e-3 * np.random.default_rng(k).normal(size=z.shape)
+
+
+def corners(k):
+    """A tag in the plane, about the middle of the image, as detectors count pixels."""
+    n = -plane(k) / np.linalg.norm(plane(k))
+    x = np.cross([0.0, -1.0, 0.0], n)
+    x /= np.linalg.norm(x)
+    y = np.cross(n, x)
+    centre = np.array([0.0, 0.0, 1.0 / plane(k)[2]])
+    places = centre + 0.5 * SIZE * np.array([-x - y, x - y, x + y, -x + y])
+    return FOCAL * places[:, :2] / places[:, 2:] + CENTRE + 0.5
+
+
+def millimetres(k, topic=TOPIC, stamp=None):
+    whole = np.round(1e3 * depths(k)).astype("<u2")
+    return recordings.image(topic, stamp or STAMPS[k], whole, "16UC1")
+
+
+def metres(k):
+    return recordings.image(TOPIC, STAMPS[k], depths(k).astype("<f4"), "32FC1")
+
+
+def packed(k):
+    data = (
+        struct.pack("<iff", 0, 0.0, 0.0)
+        + cv2.imencode(".png", np.round(1e3 * depths(k)).astype(np.uint16))[1].tobytes()
+    )
+    return recordings.compressed(TOPIC, STAMPS[k], data, "16UC1; compressedDepth png")
+
+
+def packed_metres(k):
+    a, b = 100.0 * 101.0, 1.0 - 100.0 * 101.0 / 10.0  # as compressed_depth_image_transport takes them
+    whole = np.round(a / depths(k) + b).astype(np.uint16)
+    data = struct.pack("<iff", 0, a, b) + cv2.imencode(".png", whole)[1].tobytes()
+    return recordings.compressed(TOPIC, STAMPS[k], data, "32FC1; compressedDepth png")
+
+
+def team_of(folder, messages, kind="mcap", depth=TOPIC):
+    """A camera that sees one tag, and what else there is; the path of its team file."""
+    seen = [recordings.detections("/camera/tags", stamp, [(3, corners(k))]) for k, stamp in enumerate(STAMPS)]
+    way = [recordings.odometry("/odom", stamp, (0.0, 0.0, 0.0)) for stamp in (STAMPS[0] - 10**8, *STAMPS)]
+    everything = sorted([*seen, *way, *messages], key=lambda message: message[2])
+    path = recordings.write(folder, kind, everything)
+    (folder / "camera.json").write_text(
+        f'{{"camera_matrix": [{FOCAL}, 0, {CENTRE[0]}, 0, {FOCAL}, {CENTRE[1]}, 0, 0, 1], '
+        f'"distortion_coefficients": [], "image_width": {WIDTH}, "image_height": {HEIGHT}}}'
+    )
+    (folder / "team.toml").write_text(f"""
+[tags]
+size_m = {SIZE}
+[[robot]]
+name = "one"
+recording = "{path.name}"
+odometry = "/odom"
+[[robot.camera]]
+name = "front"
+tags = "/camera/tags"
+depth = "{depth}"
+calibration = "camera.json"
+""")
+    return folder / "team.toml"
+
+
+def rows(log):
+    (table,) = [table for table in log.tables if table.source == "landmarks_depth"]
+    return table
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+@pytest.mark.parametrize("written", [millimetres, metres, packed, packed_metres])
+def test_every_encoding_says_in_which_plane_a_tag_is(written, kind, tmp_path):
+    log = ts.read(team_of(tmp_path, [written(k) for k in range(6)], kind))
+    table = rows(log)
+    assert len(table) == 6 and (table.ranks == 3).all() and table.model == "relative_pose"
+    for k, z in enumerate(table.values):  # in axes that look along x
+        normal, place = z[3:].reshape(3, 3)[:, 2], z[:3]
+        m = normal / (normal @ place)
+        np.testing.assert_allclose([-m[1], -m[2], m[0]], plane(k), atol=6e-3)
+    assert "depths of 6 of 6 sightings" in " ".join(log.notes)
+
+
+def other_size(k):
+    return recordings.image(TOPIC, STAMPS[k], np.ones((60, 80), "<u2"), "16UC1")
+
+
+def no_depths(k):
+    return recordings.image(TOPIC, STAMPS[k], np.ones((HEIGHT, WIDTH), np.uint8), "mono8")
+
+
+def cut_short(k):
+    return recordings.image(TOPIC, STAMPS[k], np.ones((HEIGHT // 2, WIDTH), "<u2"), "16UC1", step=4 * WIDTH)
+
+
+def spoiled(k):
+    return recordings.compressed(TOPIC, STAMPS[k], bytes(range(200)), "16UC1; compressedDepth png")
+
+
+def colours(k):
+    return recordings.compressed(TOPIC, STAMPS[k], bytes(range(200)), "jpeg")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (other_size, "of depth of 80 x 60 pixels, where the camera has 160 x 120"),
+        (no_depths, "of an encoding that holds no depths, 'mono8'"),
+        (cut_short, "do not make an image of the size"),
+        (spoiled, "that cannot be decompressed"),
+        (colours, "that were compressed as 'jpeg'"),
+    ],
+)
+def test_images_of_depth_that_are_none_are_counted(wrong, reason, tmp_path):
+    good = millimetres if wrong in (other_size, no_depths, cut_short) else packed
+    log = ts.read(team_of(tmp_path, [wrong(k) if k in (2, 4) else good(k) for k in range(6)]))
+    (left,) = [left for left in log.dropped if "images of depth" in left.reason]
+    assert left.count == 2 and reason in left.reason and len(rows(log)) == 4
+
+
+def test_depths_that_are_not_registered_are_refused(tmp_path):
+    with pytest.raises(
+        InputError, match="80 x 60 pixels, and its calibration is for 160 x 120; depth must be registered"
+    ):
+        ts.read(team_of(tmp_path, [other_size(k) for k in range(6)]))
+
+
+def test_depths_without_an_image_say_nothing(tmp_path):
+    """Stamps between images; the log is as without depths, and says so."""
+    log = ts.read(team_of(tmp_path, [millimetres(k, stamp=STAMPS[k] + 10**8) for k in range(6)]))
+    assert "depths of 0 of 6 sightings" in " ".join(log.notes) and not len(rows(log))
+    assert sum(len(table) for table in log.tables if table.model == "corners") == 6
+
+
+@pytest.mark.parametrize(("topic", "words"), [("/nowhere", "no topic /nowhere"), ("/odom", "/odom holds nav_msgs")])
+def test_a_topic_without_images_is_refused(topic, words, tmp_path):
+    with pytest.raises(InputError, match=words):
+        ts.read(team_of(tmp_path, [millimetres(0)], depth=topic))
+
+
+def test_a_share_that_is_none_is_refused(tmp_path):
+    path = team_of(tmp_path, [millimetres(0)])
+    path.write_text(path.read_text() + "depth_floor = 1.5\n")
+    with pytest.raises(InputError, match="depth_floor is a share"):
+        read_team_file(path)
+
+
+def test_info_proposes_the_depths_that_are_registered(tmp_path):
+    team_of(tmp_path, [millimetres(0), millimetres(1, "/camera/depth/image_raw")])
+    text = proposal(contents(tmp_path / "recording"))
+    assert f'depth = "{TOPIC}"' in text and "/camera/depth/image_raw" not in text
