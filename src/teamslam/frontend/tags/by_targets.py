@@ -13,14 +13,17 @@ squared residuals cut at CUT, so a misread has one voice. In space only: on the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from teamslam.frontend.tags.corner_errors import CornerErrors
 from teamslam.frontend.tags.whole_poses import CUT, MOST, hypotheses, tells_pose
-from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.geometry import Array, IntArray, Pose, concatenate, so3
 from teamslam.model import Kind, Table, Values, is_landmark
 
 STEPS, STEP = 3, 1e-6  # of the refinement, and of its differences
+MOVED = Pose.identity(3, (12,)).retract(np.concatenate([STEP * np.eye(6), -STEP * np.eye(6)]))
 MOTION_CUT = 16.0  # of how unlikely a turn may make a pose
 WIDEST = 8  # rows of a residual: those of corners
 
@@ -78,14 +81,32 @@ class _Looks:
             np.concatenate([np.zeros((0, 2)), *(costs for _, costs in told)]),
         )
 
+    @cached_property
+    def _corners(self) -> tuple[CornerErrors, IntArray]:
+        """The sightings of corners, and which of them each sighting (m,) is; -1 of others."""
+        which = [k for k, table in enumerate(self.tables) if table.model == "corners"]
+        place = np.full(len(self.table), -1)
+        own = np.isin(self.table, which)
+        place[own] = np.arange(np.count_nonzero(own))
+        return CornerErrors.of([self.tables[k] for k in which]), place
+
     def errors(self, rows: IntArray, observers: Pose, targets: Pose) -> Array:
-        """Whitened residuals (k, WIDEST) of some sightings at poses (k,) of both ends; zeros beyond a model's own."""
-        out = np.zeros((len(rows), WIDEST))
+        """Whitened residuals (c, k, WIDEST) of some sightings (k,) at poses of both ends, (c, k), (1, k) or (c, 1)
+        each; zeros beyond a model's own."""
+        corners, place = self._corners
+        own = place[rows]
+        if (own >= 0).all():
+            return corners.at(own, observers, targets)
+        shape = np.broadcast_shapes(observers.batch, targets.batch, (1, len(rows)))
+        ends = [Pose(np.broadcast_to(X.rotation, (*shape, 3, 3)), np.broadcast_to(X.translation, (*shape, 3)))
+                for X in (observers, targets)]  # fmt: skip
+        out = np.zeros((*shape, WIDEST))
         for number in np.unique(self.table[rows]).tolist():
             at = np.flatnonzero(self.table[rows] == number)
             part = self.tables[number].select(self.row[rows[at]])
-            error = part.row.minus(part.values, part.predict_from(observers[at], targets[at]), part.dim)
-            out[at, : error.shape[1]] = (part.whitening @ error[..., None])[..., 0]
+            for c in range(shape[0]):
+                error = part.row.minus(part.values, part.predict_from(*(X[c][at] for X in ends)), part.dim)
+                out[c, at, : error.shape[1]] = (part.whitening @ error[..., None])[..., 0]
         return out
 
     def candidates(self, rows: IntArray) -> tuple[IntArray, Pose]:
@@ -136,7 +157,7 @@ class _Search:
 
     def _misfits(self) -> IntArray:
         looks, every = self.looks, np.arange(len(self.looks.frame))
-        errors = looks.errors(every, self.poses[looks.frame], self.places[looks.mark])
+        errors = looks.errors(every, self.poses[looks.frame][None], self.places[looks.mark][None])[0]
         return np.flatnonzero(np.sum(errors**2, -1) > CUT)
 
     def filled(self) -> Pose:
@@ -169,9 +190,9 @@ class _Search:
             return False
         which, seen = self.looks.candidates(rows)
         tried = self.places[self.looks.mark[rows[which]]] @ seen.inverse()
-        cost = self._votes(rows, tried, from_frame=True) + self._unlikely(frame, tried)
-        best = tried[[int(np.argmin(cost))]]
-        self._put_frame(frame, self._refined(rows, best, from_frame=True))
+        errors = self._errors(rows, tried, True)
+        best = int(np.argmin(_agreed(errors) + self._unlikely(frame, tried)))
+        self._put_frame(frame, self._refined(rows, tried[[best]], errors[[best]], from_frame=True))
         return True
 
     def _place_targets(self, frame: int) -> None:
@@ -185,13 +206,11 @@ class _Search:
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, len(rows))).astype(int))]
         which, seen = self.looks.candidates(rows)
         tried = self.poses[self.looks.frame[rows[which]]] @ seen
-        best = tried[[int(np.argmin(self._votes(rows, tried, from_frame=False)))]]
-        place = self._refined(rows, best, from_frame=False)
+        errors = self._errors(rows, tried, False)
+        best = int(np.argmin(_agreed(errors)))
+        place = self._refined(rows, tried[[best]], errors[[best]], from_frame=False)
         self.places = _with(self.places, mark, place)
         self.has_place[mark] = True
-
-    def _votes(self, rows: IntArray, tried: Pose, *, from_frame: bool) -> Array:
-        return _agreed(self._errors(rows, tried, from_frame))
 
     def _unlikely(self, frame: int, tried: Pose) -> Array:
         """How far each pose (c,) is from where odometry leads from the last pose before, in turns only, squared."""
@@ -199,17 +218,17 @@ class _Search:
         if not len(before):
             return np.zeros(len(tried))
         led, last = self._reckon(frame, int(before[-1])), int(before[-1])
-        turned = tried.minus(led[np.zeros(len(tried), np.int64)])[:, 3:]
+        turned = so3.log(np.swapaxes(led.rotation, -1, -2) @ tried.rotation)
         variance = max(self.variance[frame] - self.variance[last], 1e-6)
         return np.asarray(np.minimum(np.sum(turned**2, -1) / variance, MOTION_CUT))
 
-    def _refined(self, rows: IntArray, pose: Pose, *, from_frame: bool) -> Pose:
-        """A few Gauss-Newton steps of one pose on the sightings that agree with it, by differences of their squares."""
-        error = self._errors(rows, pose, from_frame)
+    def _refined(self, rows: IntArray, pose: Pose, error: Array, *, from_frame: bool) -> Pose:
+        """A few Gauss-Newton steps of one pose, with residuals `error` (1, k, WIDEST), on the sightings that agree with
+        it, by differences of their squares."""
         for _ in range(STEPS):
             good = np.sum(error[0] ** 2, -1) < CUT
-            moves = np.concatenate([STEP * np.eye(6), -STEP * np.eye(6)])
-            both = self._errors(rows, pose[np.zeros(12, np.int64)].retract(moves), from_frame)
+            moved = Pose(pose.rotation @ MOVED.rotation, pose.translation + MOVED.translation)
+            both = self._errors(rows, moved, from_frame)
             J = ((both[6:] - both[:6]) / (2.0 * STEP))[:, good].reshape(6, -1)
             normal = J @ J.T
             damped = normal + np.diag(1e-6 * np.diag(normal) + 1e-12)
@@ -223,13 +242,10 @@ class _Search:
 
     def _errors(self, rows: IntArray, tried: Pose, from_frame: bool) -> Array:
         """Whitened residuals (c, k, WIDEST) of sightings (k,), were the pose (or target) each of those tried (c,)."""
-        c, k = len(tried), len(rows)
-        every, mine = np.tile(rows, c), tried[np.repeat(np.arange(c), k)]
+        tried = tried[:, None]
         if from_frame:
-            found = self.looks.errors(every, mine, self.places[self.looks.mark[every]])
-        else:
-            found = self.looks.errors(every, self.poses[self.looks.frame[every]], mine)
-        return found.reshape(c, k, WIDEST)
+            return self.looks.errors(rows, tried, self.places[self.looks.mark[rows]][None])
+        return self.looks.errors(rows, self.poses[self.looks.frame[rows]][None], tried)
 
 
 def _agreed(errors: Array) -> Array:
