@@ -56,9 +56,10 @@ def test_a_map_with_depths_knows_more_and_is_as_sure_as_it_should_be(log):
     without = log.with_tables(table for table in log.tables if not table.source.endswith("_depth"))
     known = [run(each, Config(method="full")) for each in (log, without)]
     sigmas = [np.sqrt(np.diagonal(each.covariances[0].joint(each.map.landmark_keys))) for each in known]
-    assert (sigmas[0] < 1.05 * sigmas[1]).all() and np.median(sigmas[0] / sigmas[1]) < 0.97
-    nees = known[0].scores[0].consistency.nees
-    assert 0.75 < nees.per_dof < 1.25
+    share = sigmas[0] / sigmas[1]  # another optimum, and a loss that forgives, may leave a little more in one direction
+    assert share.max() < 1.05 and share.mean() < 0.97
+    one, other = (each.scores[0].consistency.nees.per_dof for each in known)
+    assert 0.7 < one < min(1.3, other + 0.1)
 
 
 def test_cameras_move_depths_as_reading_again_does():
