@@ -20,8 +20,9 @@ from teamslam.live import replayed
 from teamslam.model import Dataset, Table, Values, is_landmark, is_pose, robot_of
 from teamslam.results.fleet import bits_of, joined, report_of
 from teamslam.robot import Options, Robot
+from teamslam.robot.forms import made
 from teamslam.robot.link.memory import Air, Weather
-from teamslam.robot.packets import Question
+from teamslam.robot.packets import Question, to_bytes
 from teamslam.robot.peer import Habits, Peer
 from teamslam.robot.reduced import reduced_from, to_numbers
 from teamslam.robot.rounds import Account, Rounds
@@ -200,6 +201,26 @@ def test_who_is_known_to_be_away_is_not_waited_for_again() -> None:
 def leads(member: Member) -> bool:
     """Whether a robot asks others just now."""
     return any(isinstance(course._side, Leader) for course in member.rounds.courses or ())
+
+
+def test_while_something_is_lacked_that_may_come_there_are_none() -> None:
+    """A list says what is held elsewhere, and bodies do not come for a while: no map is made of half a set. Where they
+    do not come at all, there are rounds of what there is."""
+    air = Air(Weather(), 0)
+    members = parked(Habits(patience_s=1.0), air)
+    whole = members[3].peer
+    lacked = Peer(3, whole.habits).owning(list(whole.own.values())[:1])
+    members[3].peer = lacked.with_messages(made(lacked.orders))
+    talk(air, members, 0, 4)
+    for robot in (1, 2):
+        members[robot].peer, _ = members[robot].peer.step(4.0, [(3, to_bytes(whole.listing))])
+        assert members[robot].peer.missing
+    del members[3]
+    air.leave(3)
+    talk(air, members, 4, 12)
+    assert not any(member.rounds.courses for member in members.values())
+    talk(air, members, 12, 90)
+    assert members[1].peer.missing and all(account(member).exactness is not None for member in members.values())
 
 
 def test_parts_that_nothing_ties_together_have_rounds_of_their_own() -> None:

@@ -17,7 +17,7 @@ from teamslam.model import Submap
 from teamslam.robot.packets import Answer, Question
 from teamslam.robot.peer import Peer
 from teamslam.robot.robot import Robot
-from teamslam.robot.rounds.course import Account, Course, Heard, Out
+from teamslam.robot.rounds.course import LONG, Account, Course, Heard, Out
 
 
 class Rounds:
@@ -56,7 +56,9 @@ class Rounds:
             return []
         spoken = [(s, p) for s, p in heard if isinstance(p, Question | Answer) and p.root == self.root]
         if self.courses is None:
-            if not spoken and now_s - self._since_s < peer.habits.patience_s:
+            # What it lacks may come: to make a map of what it holds, whatever that takes, would be for nothing.
+            rest_s = peer.habits.patience_s * (LONG if peer.missing else 1)
+            if not spoken and now_s - self._since_s < rest_s:
                 self.busy = True
                 return []
             self.courses = self._courses(now_s, self._first_s, peer)
