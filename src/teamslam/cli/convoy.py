@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from teamslam.robot.packets import Body
 
 
+QUIET_S, BUSY_S = 60.0, 600.0  # without news, before a team is taken to be at its end; while some work on something
+
+
 def among(duty: "Duty", source: "Source", address: "Address") -> int:
     """One robot among its team until it is ended; it goes on from its journal where there is one."""
     from teamslam.beside import Beside
@@ -164,7 +167,7 @@ def convoy(
     make_certificates(out / "secrets", numbers)
     places = {number: f"127.0.0.1:{_free_port()}" for number in numbers}
     processes = {number: _started(log, dataset, number, places, out, extra) for number in numbers}
-    rng, quiet_since = np.random.default_rng(seed), time.monotonic()
+    rng, quiet_since, known = np.random.default_rng(seed), time.monotonic(), list[Any]()
     kills, next_kill = kill, time.monotonic() + float(rng.uniform(2.0, 4.0))
     try:
         while True:
@@ -179,17 +182,18 @@ def convoy(
                 processes[victim] = _started(log, dataset, victim, places, out, extra)
                 kills, next_kill = kills - 1, time.monotonic() + float(rng.uniform(2.0, 4.0))
             parked = all(s.get("parked") for s in status.values()) and not kills
-            if not parked:
-                quiet_since = time.monotonic()
-            same = parked and len({s["root"] for s in status.values()}) == 1
-            same = same and not any(s["making"] or s["rounds"]["busy"] for s in status.values())
-            if same or time.monotonic() - quiet_since > 60.0:
+            roots = [s.get("root") for s in status.values()]
+            if not parked or roots != known:
+                quiet_since, known = time.monotonic(), roots
+            busy = not parked or any(s["making"] or s["rounds"]["busy"] for s in status.values())
+            quiet_s = time.monotonic() - quiet_since
+            if (not busy and len(set(roots)) == 1) or quiet_s > (BUSY_S if busy else QUIET_S):
                 return {dataset.names.robot(number): s for number, s in status.items()}
     finally:
         for process in processes.values():
             process.send_signal(signal.SIGTERM)
         for process in processes.values():
-            process.wait(timeout=60.0)
+            process.wait(timeout=BUSY_S)
 
 
 def status_bytes(said: dict[str, Any]) -> bytes:
