@@ -19,7 +19,7 @@ import numpy as np
 
 from teamslam.frontend.tags.corner_errors import CornerErrors
 from teamslam.frontend.tags.whole_poses import CUT, MOST, hypotheses, tells_pose
-from teamslam.geometry import Array, IntArray, Pose, concatenate, so3
+from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.model import Kind, Table, Values, is_landmark
 
 STEPS, STEP = 3, 1e-6  # of the refinement, and of its differences
@@ -217,10 +217,11 @@ class _Search:
         before = np.flatnonzero(self.has_pose[:frame])
         if not len(before):
             return np.zeros(len(tried))
-        led, last = self._reckon(frame, int(before[-1])), int(before[-1])
-        turned = so3.log(np.swapaxes(led.rotation, -1, -2) @ tried.rotation)
+        last = int(before[-1])
+        steps = self.reckoned.rotation[last].T @ self.reckoned.rotation[frame]
+        turned = (self.poses.rotation[last] @ steps).T @ tried.rotation
         variance = max(self.variance[frame] - self.variance[last], 1e-6)
-        return np.asarray(np.minimum(np.sum(turned**2, -1) / variance, MOTION_CUT))
+        return np.asarray(np.minimum(_angles(turned) ** 2 / variance, MOTION_CUT))
 
     def _refined(self, rows: IntArray, pose: Pose, error: Array, *, from_frame: bool) -> Pose:
         """A few Gauss-Newton steps of one pose, with residuals `error` (1, k, WIDEST), on the sightings that agree with
@@ -251,6 +252,13 @@ class _Search:
 def _agreed(errors: Array) -> Array:
     """Squared residuals, each cut, summed over the sightings."""
     return np.asarray(np.minimum(np.sum(errors**2, -1), CUT).sum(-1))
+
+
+def _angles(turns: Array) -> Array:
+    """By how much rotations (c, 3, 3) turn (c,) [rad]."""
+    skew = turns - np.swapaxes(turns, -1, -2)  # 2 sin times the axis, each number twice
+    sine = np.sqrt(0.125 * np.sum(skew * skew, (-2, -1)))
+    return np.asarray(np.arctan2(sine, 0.5 * (np.trace(turns, axis1=-2, axis2=-1) - 1.0)))
 
 
 def _groups(of: IntArray, count: int) -> list[IntArray]:
