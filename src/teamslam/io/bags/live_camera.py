@@ -5,7 +5,7 @@
 All goes through the code of recordings; what only a finished film tells is not there: no image is used because its
 tags are seen seldom, a tag counts from the `fewest`-th image on that shows it, numbers are taken for names, and an
 image is tied to the last one before it that shares tags with it, or with others that do. Other robots that are seen
-are left out: their keyframes are not known here.
+are left out, since their keyframes are not known here, and so are depths.
 """
 
 from collections.abc import Iterable, Iterator
