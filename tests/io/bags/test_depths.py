@@ -153,6 +153,14 @@ def test_depths_that_are_not_registered_are_refused(tmp_path):
         ts.read(team_of(tmp_path, [other_size(k) for k in range(6)]))
 
 
+def test_depths_for_a_camera_of_unknown_size_are_refused(tmp_path):
+    path = team_of(tmp_path, [millimetres(k) for k in range(6)])
+    camera = path.with_name("camera.json")
+    camera.write_text(camera.read_text().partition(', "image_width"')[0] + "}")
+    with pytest.raises(InputError, match="needs the size of its images"):
+        ts.read(path)
+
+
 def test_depths_without_an_image_say_nothing(tmp_path):
     """Stamps between images; the log is as without depths, and says so."""
     log = ts.read(team_of(tmp_path, [millimetres(k, stamp=STAMPS[k] + 10**8) for k in range(6)]))

@@ -38,16 +38,23 @@ class Deep:
 
 def with_depths(view: View, recording: Recording, who: str) -> Deep:
     """What a camera's images of depth, on the topic that its entry names, say of the tags that it saw. InputError where
-    there is no such topic of images, or all of them are of another size than the images that they are registered to."""
+    there is no such topic of images, where all of them are of another size than the images that they are registered to,
+    or nobody told that size."""
     topic, size = view.entry.depth, view.camera.size
+    if not any(size):
+        raise InputError(
+            f"camera {view.entry.name} has images of depth, so its calibration needs the size of its images",
+            field="robot.camera.depth",
+        )
     pictures_of_topic(recording, topic)  # refuses what holds no images
     frames = view.corners.frames
     order, near = np.argsort(frames, kind="stable"), round(MERGE_S * TICKS_PER_S)
+    in_time = frames[order]
     of_frame = [np.flatnonzero(view.corners.frame == frame) for frame in range(len(frames))]
     best = np.full(len(frames), near + 1)
     parts, lost, others = dict[int, TagDepths](), Counter[str](), Counter[tuple[int, int]]()
     for message in recording.messages([topic]) if len(view.corners) else ():
-        frame = _nearest(frames, order, message.tick)
+        frame = int(order[_nearest(in_time, message.tick)])
         away = abs(int(frames[frame]) - message.tick)
         if away >= best[frame] or not len(of_frame[frame]) or (image := recording.decode(message)) is None:
             continue
@@ -57,7 +64,7 @@ def with_depths(view: View, recording: Recording, who: str) -> Deep:
             lost[str(error)] += 1
             continue
         height, width = depths.shape
-        if any(size) and (width, height) != size:
+        if (width, height) != size:
             others[width, height] += 1
             continue
         best[frame] = away
@@ -80,11 +87,11 @@ def with_depths(view: View, recording: Recording, who: str) -> Deep:
     return Deep(replace(view, depths=found), dropped, note)
 
 
-def _nearest(frames: IntArray, order: IntArray, tick: int) -> int:
-    """Which of the images was taken nearest to a tick."""
-    after = int(np.searchsorted(frames[order], tick))
-    beside = order[max(after - 1, 0) : after + 1]
-    return int(beside[np.argmin(np.abs(frames[beside] - tick))])
+def _nearest(ticks: IntArray, tick: int) -> int:
+    """Which of some rising ticks is nearest to one."""
+    after = int(np.searchsorted(ticks, tick))
+    first = max(after - 1, 0)
+    return first + int(np.argmin(np.abs(ticks[first : after + 1] - tick)))
 
 
 def _metres(found: Any) -> Array:
