@@ -11,6 +11,7 @@ from teamslam.solver.optimise import Options, optimise
 from teamslam.solver.parallel import each_side_by_side, meanwhile, side_by_side
 from teamslam.solver.reach import convex_start, firm, reach, refuse_rounding
 from teamslam.solver.rules import RULES
+from teamslam.solver.settled import settled
 from teamslam.solver.solution import Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
 
@@ -42,6 +43,7 @@ __all__ = [
     "reach",
     "refuse_rounding",
     "seen",
+    "settled",
     "side_by_side",
     "told",
 ]

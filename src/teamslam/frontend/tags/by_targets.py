@@ -3,29 +3,39 @@
     seed:    the pose that saw most targets is the frame
     spread:  forwards and backwards in time, a pose that sees a target that has a place gets its own, and gives the
              targets that it sees theirs, until nothing more is reached
+    near:    after each, the latest poses and what they see are solved with all else held; a target whose sightings fit
+             worse than their noise has it is chosen anew, and turned, and stays so if that costs less
+    all:     after each of PARTS parts everything so far is solved: a loop closes by what was lost along it
     leap:    what no target leads to hangs on odometry: the next pose, and on from there
-    again:   with everything in its place, each target and each pose is chosen once more
+    turn:    at the end, targets whose sightings agree on another pose (`mirrored`)
 
 A sighting may stand for two poses that fit alike (a small tag seen from the front): each is a candidate, and so is that
 of every other sighting; the one counts that all sightings of the target (or from the pose) agree with best. Votes are
-squared residuals cut at CUT, so a misread has one voice. In space only: on the ground odometry keeps more.
+squared residuals cut at CUT, so a misread has one voice. One that is wrong turns all that comes after it, and where the
+way closes, losses that forgive would keep it so: hence what is near is solved before the next pose hangs on it.
+
+In space only: on the ground odometry keeps more. It costs WINDOW poses for each pose, and PARTS times a few steps of
+least squares of half the rows on average, however long the way.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from functools import partial
 
 import numpy as np
 
-from teamslam.frontend.tags.corner_errors import CornerErrors
-from teamslam.frontend.tags.whole_poses import CUT, MOST, hypotheses, tells_pose
+from teamslam.frontend.tags.looks import Looks
+from teamslam.frontend.tags.mirrored import turned
+from teamslam.frontend.tags.placed import Placed, exchanged, some
+from teamslam.frontend.tags.whole_poses import CUT
 from teamslam.geometry import Array, IntArray, Pose, concatenate
-from teamslam.model import Kind, Table, Values, is_landmark
+from teamslam.model import Kind, Table, Values, among
+from teamslam.solver import settled
 
-STEPS, STEP = 3, 1e-6  # of the refinement, and of its differences
-MOVED = Pose.identity(3, (12,)).retract(np.concatenate([STEP * np.eye(6), -STEP * np.eye(6)]))
-MOTION_CUT = 16.0  # of how unlikely a turn may make a pose
-WIDEST = 8  # rows of a residual: those of corners
+WINDOW = 10  # poses that are solved after each
+PARTS = 20  # of the poses that saw something
+DOUBT = 1.1  # of squared residuals for each number measured: from here on they fit worse than they should
+MORE = 1.4  # times the sightings of a target when it was doubted last
+TURNS = 4  # times that targets are turned, where turning some shows others
 
 
 def by_targets(tables: Sequence[Table], way: Values, variances: Array) -> Values | None:
@@ -33,242 +43,129 @@ def by_targets(tables: Sequence[Table], way: Values, variances: Array) -> Values
 
     `way` holds all its poses as odometry has them, `variances` (n - 1,) what each of its steps adds to a heading.
     """
-    looks = _Looks.of(tables, way)
+    looks = Looks.of(tables, way)
     if not len(looks.frame):
         return None
-    found = _Search(looks, way.poses_of(way.layout.keys, 3), np.where(np.isfinite(variances), variances, np.pi**2))
-    found.spread()
-    found.again()
-    poses = found.filled()
-    first = poses[:1].inverse()
-    seen = np.flatnonzero(found.has_place)
-    targets = first[np.zeros(len(seen), np.int64)] @ found.places[seen]
-    return Values.of({Kind.POSE3: (np.concatenate([way.layout.keys, looks.marks[seen]]),
-                                   concatenate([first[np.zeros(len(poses), np.int64)] @ poses, targets]))})  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Looks:
-    """Sightings (m,) of landmarks as poses: from which pose, of which landmark, by which row of which table, with what
-    each may stand for (m, 2)."""
-
-    tables: Sequence[Table]
-    marks: IntArray
-    frame: IntArray
-    mark: IntArray
-    table: IntArray
-    row: IntArray
-    poses: Pose
-    costs: Array
-
-    @classmethod
-    def of(cls, tables: Sequence[Table], way: Values) -> "_Looks":
-        keys = way.layout.keys
-        seen = [t for t in tables if tells_pose(t)]
-        seen = [t.select(is_landmark(t.keys[:, 1]) & way.layout.contains(t.keys[:, 0])) for t in seen]
-        seen = [t for t in seen if len(t)]
-        none = np.zeros(0, np.int64)
-        marks = np.unique(np.concatenate([none, *(t.keys[:, 1] for t in seen)]))
-        told = [hypotheses(t) for t in seen]
-        return cls(
-            seen,
-            marks,
-            np.concatenate([none, *(np.searchsorted(keys, t.keys[:, 0]) for t in seen)]),
-            np.concatenate([none, *(np.searchsorted(marks, t.keys[:, 1]) for t in seen)]),
-            np.concatenate([none, *(np.full(len(t), k) for k, t in enumerate(seen))]),
-            np.concatenate([none, *(np.arange(len(t)) for t in seen)]),
-            concatenate([poses for poses, _ in told]) if told else Pose.identity(3, (0, 2)),
-            np.concatenate([np.zeros((0, 2)), *(costs for _, costs in told)]),
-        )
-
-    @cached_property
-    def _corners(self) -> tuple[CornerErrors, IntArray]:
-        """The sightings of corners, and which of them each sighting (m,) is; -1 of others."""
-        which = [k for k, table in enumerate(self.tables) if table.model == "corners"]
-        place = np.full(len(self.table), -1)
-        own = np.isin(self.table, which)
-        place[own] = np.arange(np.count_nonzero(own))
-        return CornerErrors.of([self.tables[k] for k in which]), place
-
-    def errors(self, rows: IntArray, observers: Pose, targets: Pose) -> Array:
-        """Whitened residuals (c, k, WIDEST) of some sightings (k,) at poses of both ends, (c, k), (1, k) or (c, 1)
-        each; zeros beyond a model's own."""
-        corners, place = self._corners
-        own = place[rows]
-        if (own >= 0).all():
-            return corners.at(own, observers, targets)
-        shape = np.broadcast_shapes(observers.batch, targets.batch, (1, len(rows)))
-        ends = [Pose(np.broadcast_to(X.rotation, (*shape, 3, 3)), np.broadcast_to(X.translation, (*shape, 3)))
-                for X in (observers, targets)]  # fmt: skip
-        out = np.zeros((*shape, WIDEST))
-        for number in np.unique(self.table[rows]).tolist():
-            at = np.flatnonzero(self.table[rows] == number)
-            part = self.tables[number].select(self.row[rows[at]])
-            for c in range(shape[0]):
-                error = part.row.minus(part.values, part.predict_from(*(X[c][at] for X in ends)), part.dim)
-                out[c, at, : error.shape[1]] = (part.whitening @ error[..., None])[..., 0]
-        return out
-
-    def candidates(self, rows: IntArray) -> tuple[IntArray, Pose]:
-        """What some sightings may stand for: the sighting (as a place in `rows`) and the pose of each."""
-        which, hypothesis = np.nonzero(np.isfinite(self.costs[rows]))
-        return which, Pose(
-            self.poses.rotation[rows[which], hypothesis], self.poses.translation[rows[which], hypothesis]
-        )
+    keys = way.layout.keys
+    placed = Placed(looks, way, np.where(np.isfinite(variances), variances, np.pi**2))
+    search = _Search(placed, [t.select(np.flatnonzero(among(t.keys, keys).all(1))) for t in tables])
+    search.spread()
+    search.solve_all()
+    search.turn()
+    poses, seen = placed.filled(), np.flatnonzero(placed.has_place)
+    both = concatenate([poses, placed.places[seen]])
+    return Values.of({Kind.POSE3: (np.concatenate([keys, looks.marks[seen]]), poses[:1].inverse() @ both)})
 
 
 class _Search:
-    """Which poses and targets have a place already, and where."""
+    """How what is `placed` grows."""
 
-    def __init__(self, looks: _Looks, reckoned: Pose, variances: Array) -> None:
-        n, m = len(reckoned), len(looks.marks)
-        self.looks, self.reckoned = looks, reckoned
-        self.variance = np.concatenate([[0.0], np.cumsum(variances)])
-        self.poses, self.has_pose = Pose.identity(3, (n,)), np.zeros(n, bool)
-        self.places, self.has_place = Pose.identity(3, (m,)), np.zeros(m, bool)
-        self.of_frame = _groups(looks.frame, n)
-        self.of_mark = _groups(looks.mark, m)
+    def __init__(self, placed: Placed, odometry: Sequence[Table]) -> None:
+        self.placed, self.odometry = placed, odometry
+        self.asked = np.zeros(len(placed.looks.marks), np.int64)  # the sightings of targets when they were doubted last
 
     def spread(self) -> None:
         """Until every pose that saw something has its place."""
-        seeing = np.array([len(rows) > 0 for rows in self.of_frame])
-        count = np.array([len(np.unique(self.looks.mark[rows])) for rows in self.of_frame])
-        self._put_frame(int(np.argmax(count)), Pose.identity(3, (1,)))
-        self._place_targets(int(np.argmax(count)))
+        seeing = np.array([len(rows) > 0 for rows in self.placed.of_frame])
+        count = np.array([len(np.unique(self.placed.looks.mark[rows])) for rows in self.placed.of_frame])
+        part = -(-int(seeing.sum()) // PARTS)
+        self.placed.put_frame(int(np.argmax(count)), Pose.identity(3, (1,)))
         while True:
-            while self._sweep(np.arange(len(seeing))) + self._sweep(np.arange(len(seeing))[::-1]):
+            while self._sweep(np.flatnonzero(seeing), part) + self._sweep(np.flatnonzero(seeing)[::-1], part):
                 pass
-            open_ = np.flatnonzero(seeing & ~self.has_pose)
+            open_ = np.flatnonzero(seeing & ~self.placed.has_pose)
             if not len(open_):
                 return
-            known = np.flatnonzero(self.has_pose)
+            known = np.flatnonzero(self.placed.has_pose)
             gap = np.abs(open_[:, None] - known[None])
             nearest = np.unravel_index(np.argmin(gap), gap.shape)
             frame, before = int(open_[nearest[0]]), int(known[nearest[1]])
-            self._put_frame(frame, self._reckon(frame, before))
-            self._place_targets(frame)
+            step = 1 if frame > before else -1
+            for one in range(before + step, frame + step, step):  # all of them, so that odometry ties what is beyond
+                self.placed.put_frame(one, self.placed.reckoned_from(one, before))
 
-    def again(self) -> None:
-        """Targets, then poses, of which a sighting does not fit: chosen once more with all that is known now."""
-        for mark in np.unique(self.looks.mark[self._misfits()]).tolist():
-            self._place_target(mark)
-        for frame in np.unique(self.looks.frame[self._misfits()]).tolist():
-            self._place_frame(frame)
-
-    def _misfits(self) -> IntArray:
-        looks, every = self.looks, np.arange(len(self.looks.frame))
-        errors = looks.errors(every, self.poses[looks.frame][None], self.places[looks.mark][None])[0]
-        return np.flatnonzero(np.sum(errors**2, -1) > CUT)
-
-    def filled(self) -> Pose:
-        """All poses: those without a place hang on the last one before that has one (else the first after)."""
-        known = np.flatnonzero(self.has_pose)
-        all_ = np.arange(len(self.has_pose))
-        before = known[np.maximum(np.searchsorted(known, all_, "right") - 1, 0)]
-        return self.poses[before] @ self.reckoned[before].between(self.reckoned[all_])
-
-    def _sweep(self, frames: IntArray) -> int:
+    def _sweep(self, frames: IntArray, part: int) -> int:
+        """How many poses found their places, of which everything was solved after each `part`."""
         done = 0
         for frame in frames.tolist():
-            if len(self.of_frame[frame]) and not self.has_pose[frame] and self._place_frame(frame):
-                self._place_targets(frame)
-                done += 1
+            pose = None if self.placed.has_pose[frame] else self.placed.found(frame)
+            if pose is None:
+                continue
+            self.placed.put_frame(frame, pose)
+            self._solve_near()
+            if len(self.placed.order) % part == 0:
+                self.solve_all()
+            done += 1
         return done
 
-    def _reckon(self, frame: int, before: int) -> Pose:
-        return self.poses[[before]] @ self.reckoned[[before]].between(self.reckoned[[frame]])
+    def solve_all(self) -> None:
+        """All that has a place nearer to the optimum of what ties it; the seed is held."""
+        posed, placed = np.flatnonzero(self.placed.has_pose), np.flatnonzero(self.placed.has_place)
+        seed = np.array(self.placed.order[:1])
+        self._solve(np.setdiff1d(posed, seed), placed, seed, self.placed.looks.tables)
 
-    def _put_frame(self, frame: int, pose: Pose) -> None:
-        self.poses = _with(self.poses, frame, pose)
-        self.has_pose[frame] = True
+    def turn(self) -> None:
+        """No target the wrong way round, where that costs less (see `mirrored`)."""
+        every = np.arange(len(self.placed.looks.frame))
+        for _ in range(TURNS):
+            posed, seen = np.flatnonzero(self.placed.has_pose), np.flatnonzero(self.placed.has_place)
+            marks = self.placed.looks.marks[seen]
+            known = (
+                np.concatenate([self.placed.keys[posed], marks]),
+                concatenate([self.placed.poses[posed], self.placed.places[seen]]),
+            )
+            other = turned(Values.of({Kind.POSE3: known}), self.placed.looks.tables)
+            if other is None:
+                break
+            with self.placed.kept_if_less(every) as change:
+                self.placed.places = exchanged(self.placed.places, seen, other.poses_of(marks, 3))
+                self.solve_all()
+            if not change.kept:
+                break
 
-    def _place_frame(self, frame: int) -> bool:
-        """A pose by the targets with a place that are seen from it; False where there are none."""
-        rows = self.of_frame[frame]
-        rows = rows[self.has_place[self.looks.mark[rows]]]
-        if not len(rows):
-            return False
-        which, seen = self.looks.candidates(rows)
-        tried = self.places[self.looks.mark[rows[which]]] @ seen.inverse()
-        errors = self._errors(rows, tried, True)
-        best = int(np.argmin(_agreed(errors) + self._unlikely(frame, tried)))
-        self._put_frame(frame, self._refined(rows, tried[[best]], errors[[best]], from_frame=True))
-        return True
+    def _solve_near(self) -> None:
+        """The latest poses and what they see nearer to the optimum of what ties them, all else held."""
+        latest = np.array(self.placed.order[1:][-WINDOW:])
+        rows = np.concatenate([self.placed.of_frame[frame] for frame in latest.tolist()])
+        marks = np.unique(self.placed.looks.mark[rows])
+        rows = np.concatenate([rows, *(self._elsewhere(mark, latest) for mark in marks.tolist())])
+        beside = np.clip(np.concatenate([latest - 1, latest + 1]), 0, len(self.placed.keys) - 1)
+        others = np.concatenate([self.placed.looks.frame[rows], beside[self.placed.has_pose[beside]]])
+        near = latest, marks, np.setdiff1d(others, latest), self.placed.looks.only(rows)
+        self._solve(*near)
+        for mark in self._doubtful(rows).tolist():
+            for choose in (partial(self.placed.place_target, mark), partial(self.placed.turn_target, mark, latest)):
+                with self.placed.kept_if_less(rows):
+                    choose()
+                    self._solve(*near)
 
-    def _place_targets(self, frame: int) -> None:
-        for mark in np.unique(self.looks.mark[self.of_frame[frame]]).tolist():
-            if not self.has_place[mark]:
-                self._place_target(mark)
+    def _doubtful(self, rows: IntArray) -> IntArray:
+        """Targets whose sightings fit worse than their noise has it, or one of which does not fit at all: each is asked
+        for again when there are MORE times as many."""
+        squared, numbers = self.placed.squared(rows), self.placed.looks.numbers[rows]
+        marks, of = np.unique(self.placed.looks.mark[rows], return_inverse=True)
+        worse = np.bincount(of, squared) > DOUBT * np.bincount(of, numbers)
+        found = marks[worse | (np.bincount(of, squared > CUT) > 0)]
+        found = found[self.placed.sightings[found] >= MORE * self.asked[found]]
+        self.asked[found] = self.placed.sightings[found]
+        return np.asarray(found)
 
-    def _place_target(self, mark: int) -> None:
-        rows = self.of_mark[mark]
-        rows = rows[self.has_pose[self.looks.frame[rows]]]
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, len(rows))).astype(int))]
-        which, seen = self.looks.candidates(rows)
-        tried = self.poses[self.looks.frame[rows[which]]] @ seen
-        errors = self._errors(rows, tried, False)
-        best = int(np.argmin(_agreed(errors)))
-        place = self._refined(rows, tried[[best]], errors[[best]], from_frame=False)
-        self.places = _with(self.places, mark, place)
-        self.has_place[mark] = True
+    def _elsewhere(self, mark: int, latest: IntArray) -> IntArray:
+        """Some sightings of a target from other poses that have a place."""
+        rows = self.placed.of_mark[mark]
+        frames = self.placed.looks.frame[rows]
+        return some(rows[self.placed.has_pose[frames] & ~np.isin(frames, latest)])
 
-    def _unlikely(self, frame: int, tried: Pose) -> Array:
-        """How far each pose (c,) is from where odometry leads from the last pose before, in turns only, squared."""
-        before = np.flatnonzero(self.has_pose[:frame])
-        if not len(before):
-            return np.zeros(len(tried))
-        last = int(before[-1])
-        steps = self.reckoned.rotation[last].T @ self.reckoned.rotation[frame]
-        turned = (self.poses.rotation[last] @ steps).T @ tried.rotation
-        variance = max(self.variance[frame] - self.variance[last], 1e-6)
-        return np.asarray(np.minimum(_angles(turned) ** 2 / variance, MOTION_CUT))
-
-    def _refined(self, rows: IntArray, pose: Pose, error: Array, *, from_frame: bool) -> Pose:
-        """A few Gauss-Newton steps of one pose, with residuals `error` (1, k, WIDEST), on the sightings that agree with
-        it, by differences of their squares."""
-        for _ in range(STEPS):
-            good = np.sum(error[0] ** 2, -1) < CUT
-            moved = Pose(pose.rotation @ MOVED.rotation, pose.translation + MOVED.translation)
-            both = self._errors(rows, moved, from_frame)
-            J = ((both[6:] - both[:6]) / (2.0 * STEP))[:, good].reshape(6, -1)
-            normal = J @ J.T
-            damped = normal + np.diag(1e-6 * np.diag(normal) + 1e-12)
-            step = np.linalg.solve(damped, J @ error[0][good].ravel())
-            tried = pose.retract(step[None])
-            error_tried = self._errors(rows, tried, from_frame)
-            if _agreed(error_tried)[0] >= _agreed(error)[0]:
-                return pose
-            pose, error = tried, error_tried
-        return pose
-
-    def _errors(self, rows: IntArray, tried: Pose, from_frame: bool) -> Array:
-        """Whitened residuals (c, k, WIDEST) of sightings (k,), were the pose (or target) each of those tried (c,)."""
-        tried = tried[:, None]
-        if from_frame:
-            return self.looks.errors(rows, tried, self.places[self.looks.mark[rows]][None])
-        return self.looks.errors(rows, self.poses[self.looks.frame[rows]][None], tried)
-
-
-def _agreed(errors: Array) -> Array:
-    """Squared residuals, each cut, summed over the sightings."""
-    return np.asarray(np.minimum(np.sum(errors**2, -1), CUT).sum(-1))
-
-
-def _angles(turns: Array) -> Array:
-    """By how much rotations (c, 3, 3) turn (c,) [rad]."""
-    skew = turns - np.swapaxes(turns, -1, -2)  # 2 sin times the axis, each number twice
-    sine = np.sqrt(0.125 * np.sum(skew * skew, (-2, -1)))
-    return np.asarray(np.arctan2(sine, 0.5 * (np.trace(turns, axis1=-2, axis2=-1) - 1.0)))
-
-
-def _groups(of: IntArray, count: int) -> list[IntArray]:
-    """The places of each number 0..count-1 in an array."""
-    order = np.argsort(of, kind="stable")
-    return np.split(order, np.searchsorted(of[order], np.arange(1, count)))
-
-
-def _with(poses: Pose, place: int, one: Pose) -> Pose:
-    """The poses with another one (a batch of one) at a place."""
-    rotation, translation = poses.rotation.copy(), poses.translation.copy()
-    rotation[place], translation[place] = one.rotation[0], one.translation[0]
-    return Pose(rotation, translation)
+    def _solve(self, frames: IntArray, marks: IntArray, held: IntArray, tables: Sequence[Table]) -> None:
+        """Some poses and targets nearer to the optimum of sightings and odometry, with other poses held."""
+        every, keys = np.concatenate([frames, held]), self.placed.looks.marks[marks]
+        known = (
+            np.concatenate([self.placed.keys[every], keys]),
+            concatenate([self.placed.poses[every], self.placed.places[marks]]),
+        )
+        found = settled(Values.of({Kind.POSE3: known}), [*tables, *self.odometry], self.placed.keys[held])
+        self.placed.poses = exchanged(self.placed.poses, frames, found.poses_of(self.placed.keys[frames], 3))
+        self.placed.places = exchanged(self.placed.places, marks, found.poses_of(keys, 3))
+        for mark in marks.tolist():
+            if self.placed.lost(mark):  # losses that forgive may let a target go anywhere
+                self.placed.place_target(mark)

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.errors import ModelError, SolveError
+from teamslam.frontend.tags.mirrored import turned
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
-from teamslam.joining.start.mirrored import turned
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
 from teamslam.model import (

@@ -6,23 +6,20 @@
 
 So a loop is closed when it is first seen, by what was lost along it, and not by what the whole way lost. That is what
 an incremental solver does (Kaess et al., iSAM, IEEE T-RO 2008), with PARTS solves, however long the way: on average of
-half the rows, of at most STEPS linearisations each.
+half the rows, of a few steps each (`settled`).
 """
 
 from collections.abc import Sequence
-from contextlib import suppress
 
 import numpy as np
 
-from teamslam.errors import SolveError
 from teamslam.geometry import IntArray, Pose
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import Layout, Table, Values, pose_kind
-from teamslam.solver import Options, System, firm, optimise
+from teamslam.solver import settled
 
 PARTS = 20
-STEPS = 20  # of each solve at most
 
 
 def driven(tables: Sequence[Table], way: Values, kinds: Layout, dim: int) -> Values:
@@ -41,7 +38,7 @@ def driven(tables: Sequence[Table], way: Values, kinds: Layout, dim: int) -> Val
         values = values.update(_appended(values, keys, reckoned, begin, end, dim))
         known = [t.select(at < end) for t, at in zip(tables, latest, strict=True) if (at < end).any()]
         seen = triangulate(place_targets(values, known, kinds), known)
-        values = _settled(seen.select(seen.layout.kinds == kinds.kinds[kinds.index(seen.layout.keys)]), known, keys[:1])
+        values = settled(seen.select(seen.layout.kinds == kinds.kinds[kinds.index(seen.layout.keys)]), known, keys[:1])
         begin = end
     return values
 
@@ -57,14 +54,3 @@ def _appended(values: Values, keys: IntArray, reckoned: Pose, begin: int, end: i
     """The poses of a part, hanging on the last one before it."""
     last = values.poses_of(keys[begin - 1 : begin], dim)[0]
     return Values.of({pose_kind(dim): (keys[begin:end], last @ reckoned[begin - 1].between(reckoned[begin:end]))})
-
-
-def _settled(values: Values, tables: Sequence[Table], base: IntArray) -> Values:
-    """Nearer to the optimum of these rows."""
-    ready = [t.select(np.asarray(values.layout.contains(t.keys).all(1))) for t in tables]
-    used = values.only(np.unique(np.concatenate([base, *(t.keys.ravel() for t in ready)])))
-    system = System(used.layout, tables=[t for t in ready if len(t)], fixed=base)
-    few = Options(max_iterations=STEPS, decrement=0.1 * float(np.sqrt(system.free.dof + 1.0)))
-    with suppress(SolveError):  # a guess stays a guess
-        return values.update(firm(system, optimise(system, used, few)).values)
-    return values

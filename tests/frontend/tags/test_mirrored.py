@@ -5,9 +5,9 @@ import pytest
 
 import tagged_room
 import teamslam as ts
+from teamslam.frontend.tags.mirrored import turned
 from teamslam.frontend.tags.whole_poses import hypotheses
 from teamslam.joining import cost_of
-from teamslam.joining.start.mirrored import turned
 from teamslam.model import Dataset, Kind, Values, robot_of
 from thinned import thinned
 
