@@ -25,7 +25,7 @@ import numpy as np
 
 from teamslam.frontend.tags.looks import Looks
 from teamslam.frontend.tags.mirrored import turned
-from teamslam.frontend.tags.placed import Placed, exchanged, some
+from teamslam.frontend.tags.placed import Placed, groups, some
 from teamslam.frontend.tags.whole_poses import CUT
 from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.model import Kind, Table, Values, among
@@ -62,6 +62,7 @@ class _Search:
 
     def __init__(self, placed: Placed, odometry: Sequence[Table]) -> None:
         self.placed, self.odometry = placed, odometry
+        self.ending = [groups(np.searchsorted(placed.keys, t.keys.max(1)), len(placed.keys)) for t in odometry]
         self.asked = np.zeros(len(placed.looks.marks), np.int64)  # the sightings of targets when they were doubted last
 
     def spread(self) -> None:
@@ -108,19 +109,12 @@ class _Search:
         """No target the wrong way round, where that costs less (see `mirrored`)."""
         every = np.arange(len(self.placed.looks.frame))
         for _ in range(TURNS):
-            posed, seen = np.flatnonzero(self.placed.has_pose), np.flatnonzero(self.placed.has_place)
-            marks = self.placed.looks.marks[seen]
-            known = (
-                np.concatenate([self.placed.keys[posed], marks]),
-                concatenate([self.placed.poses[posed], self.placed.places[seen]]),
-            )
-            other = turned(Values.of({Kind.POSE3: known}), self.placed.looks.tables)
+            seen = np.flatnonzero(self.placed.has_place)
+            other = turned(self.placed.values(np.flatnonzero(self.placed.has_pose), seen), self.placed.looks.tables)
             if other is None:
                 break
-            with self.placed.kept_if_less(every) as change:
-                self.placed.places = exchanged(self.placed.places, seen, other.poses_of(marks, 3))
-                self.solve_all()
-            if not change.kept:
+            put = partial(self.placed.put, other, np.zeros(0, np.int64), seen)
+            if not self.placed.kept_if_less(every, put, self.solve_all):
                 break
 
     def _solve_near(self) -> None:
@@ -132,12 +126,11 @@ class _Search:
         beside = np.clip(np.concatenate([latest - 1, latest + 1]), 0, len(self.placed.keys) - 1)
         others = np.concatenate([self.placed.looks.frame[rows], beside[self.placed.has_pose[beside]]])
         near = latest, marks, np.setdiff1d(others, latest), self.placed.looks.only(rows)
-        self._solve(*near)
+        solve = partial(self._solve, *near)
+        solve()
         for mark in self._doubtful(rows).tolist():
             for choose in (partial(self.placed.place_target, mark), partial(self.placed.turn_target, mark, latest)):
-                with self.placed.kept_if_less(rows):
-                    choose()
-                    self._solve(*near)
+                self.placed.kept_if_less(rows, choose, solve)
 
     def _doubtful(self, rows: IntArray) -> IntArray:
         """Targets whose sightings fit worse than their noise has it, or one of which does not fit at all: each is asked
@@ -158,14 +151,11 @@ class _Search:
 
     def _solve(self, frames: IntArray, marks: IntArray, held: IntArray, tables: Sequence[Table]) -> None:
         """Some poses and targets nearer to the optimum of sightings and odometry, with other poses held."""
-        every, keys = np.concatenate([frames, held]), self.placed.looks.marks[marks]
-        known = (
-            np.concatenate([self.placed.keys[every], keys]),
-            concatenate([self.placed.poses[every], self.placed.places[marks]]),
-        )
-        found = settled(Values.of({Kind.POSE3: known}), [*tables, *self.odometry], self.placed.keys[held])
-        self.placed.poses = exchanged(self.placed.poses, frames, found.poses_of(self.placed.keys[frames], 3))
-        self.placed.places = exchanged(self.placed.places, marks, found.poses_of(keys, 3))
+        every = np.concatenate([frames, held])
+        ways = [t.select(np.sort(np.concatenate([ends[frame] for frame in every.tolist()])))
+                for t, ends in zip(self.odometry, self.ending, strict=True)]  # fmt: skip
+        found = settled(self.placed.values(every, marks), [*tables, *ways], self.placed.keys[held])
+        self.placed.put(found, frames, marks)
         for mark in marks.tolist():
             if self.placed.lost(mark):  # losses that forgive may let a target go anywhere
                 self.placed.place_target(mark)

@@ -1,15 +1,13 @@
 """Which poses of a way and which targets have a place, and the ways in which they get one."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
 from teamslam.frontend.tags.looks import Looks
 from teamslam.frontend.tags.whole_poses import CUT, MOST
-from teamslam.geometry import Array, IntArray, Pose
-from teamslam.model import Values
+from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.model import Kind, Values
 
 TURNED = 0.2  # [rad]: a pose that is turned by more is another
 LESS = 1.0  # of the cost: what is worth a change
@@ -28,12 +26,12 @@ class Placed:
         self.places, self.has_place = Pose.identity(3, (m,)), np.zeros(m, bool)
         self.sightings = np.zeros(m, np.int64)  # of targets, from poses that have a place
         self.order: list[int] = []  # in which poses got their places
-        self.of_frame = _groups(looks.frame, n)
-        self.of_mark = _groups(looks.mark, m)
+        self.of_frame = groups(looks.frame, n)
+        self.of_mark = groups(looks.mark, m)
 
     def put_frame(self, frame: int, pose: Pose) -> None:
         """A pose at its place, and the targets that are seen from it where they have none."""
-        self.poses = exchanged(self.poses, frame, pose)
+        self.poses = _exchanged(self.poses, frame, pose)
         self.has_pose[frame] = True
         np.add.at(self.sightings, self.looks.mark[self.of_frame[frame]], 1)
         self.order.append(frame)
@@ -73,7 +71,7 @@ class Placed:
         if other:
             turn = tried.minus(self.places[np.full(len(tried), mark)])[:, 3:]
             votes[np.linalg.norm(turn, axis=1) < TURNED] = np.inf
-        self.places = exchanged(self.places, mark, tried[[int(np.argmin(votes))]])
+        self.places = _exchanged(self.places, mark, tried[[int(np.argmin(votes))]])
         self.has_place[mark] = True
 
     def lost(self, mark: int) -> bool:
@@ -88,16 +86,27 @@ class Placed:
             if (self.looks.mark[self.of_frame[frame]] == mark).any():
                 pose = self.found(frame)
                 assert pose is not None  # the target has a place
-                self.poses = exchanged(self.poses, frame, pose)
+                self.poses = _exchanged(self.poses, frame, pose)
 
-    @contextmanager
-    def kept_if_less(self, rows: IntArray) -> Iterator["_Change"]:
-        """What is changed inside stays where some sightings cost less then."""
-        before, cost, change = (self.poses, self.places), self.cost(rows), _Change()
-        yield change
-        change.kept = self.cost(rows) < cost - LESS
-        if not change.kept:
-            self.poses, self.places = before
+    def values(self, frames: IntArray, marks: IntArray) -> Values:
+        """Some poses and targets that have a place, as variables."""
+        keys = np.concatenate([self.keys[frames], self.looks.marks[marks]])
+        return Values.of({Kind.POSE3: (keys, concatenate([self.poses[frames], self.places[marks]]))})
+
+    def put(self, values: Values, frames: IntArray, marks: IntArray) -> None:
+        """Some poses and targets to where `values` have them."""
+        self.poses = _exchanged(self.poses, frames, values.poses_of(self.keys[frames], 3))
+        self.places = _exchanged(self.places, marks, values.poses_of(self.looks.marks[marks], 3))
+
+    def kept_if_less(self, rows: IntArray, *changes: Callable[[], None]) -> bool:
+        """Whether some sightings cost less after some changes; where they do not, all is as it was."""
+        before, cost = (self.poses, self.places), self._cost(rows)
+        for change in changes:
+            change()
+        if self._cost(rows) < cost - LESS:
+            return True
+        self.poses, self.places = before
+        return False
 
     def squared(self, rows: IntArray) -> Array:
         """Squared whitened residuals (k,) of some sightings."""
@@ -105,8 +114,7 @@ class Placed:
         errors = looks.errors(rows, self.poses[looks.frame[rows]][None], self.places[looks.mark[rows]][None])
         return np.asarray(np.sum(errors[0] ** 2, -1))
 
-    def cost(self, rows: IntArray) -> float:
-        """What some sightings cost."""
+    def _cost(self, rows: IntArray) -> float:
         return self.looks.cost(rows, self.squared(rows))
 
     def _votes(self, rows: IntArray, tried: Pose, *, from_frame: bool) -> Array:
@@ -129,26 +137,19 @@ class Placed:
         return np.asarray(np.minimum(_angles(turned) ** 2 / variance, MOTION_CUT))
 
 
-@dataclass
-class _Change:
-    """Whether a change of what has a place was kept."""
-
-    kept: bool = False
-
-
 def some(rows: IntArray) -> IntArray:
     """Of many sightings some, spread evenly."""
     return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, len(rows))).astype(int))])
 
 
-def exchanged(poses: Pose, places: int | IntArray, others: Pose) -> Pose:
+def _exchanged(poses: Pose, places: int | IntArray, others: Pose) -> Pose:
     """The poses with other ones at some places."""
     rotation, translation = poses.rotation.copy(), poses.translation.copy()
     rotation[places], translation[places] = others.rotation, others.translation
     return Pose(rotation, translation)
 
 
-def _groups(of: IntArray, count: int) -> list[IntArray]:
+def groups(of: IntArray, count: int) -> list[IntArray]:
     """The places of each number 0..count-1 in an array."""
     order = np.argsort(of, kind="stable")
     return np.split(order, np.searchsorted(of[order], np.arange(1, count)))

@@ -136,10 +136,10 @@ class Renderer:
         """The lines and columns in which a board can be seen."""
         width, height = self.camera.size
         corners = []
+        # The middle of the exposure, its beginning and its end, where the eye has all three.
+        instants = ((1, 1), (1, 2), (1, 0)) if len(eye) == FINE else ((0, 0),)
         for k in (0, height // 2, height - 1):
-            for i, j in (
-                ((1, 1), (1, 2), (1, 0)) if len(eye) == FINE else ((0, 0),)
-            ):  # the middle of the exposure, its beginning and its end
+            for i, j in instants:
                 seen = eye[i, j, k].inverse().act(carrier[i, j, k].act(board.corners))
                 corners.append(seen)
         points = np.concatenate(corners)
