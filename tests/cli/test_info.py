@@ -18,6 +18,15 @@ def test_a_team_that_can_be_joined(teamslam, tmp_path: Path) -> None:
         assert word in called.out
 
 
+def test_a_sensor_that_measured_nothing_has_no_times_and_takes_nobody_elses(teamslam, tmp_path: Path) -> None:
+    """Its file has its header alone, and comes first."""
+    write(team("2d", poses=6), tmp_path / "log", "plain")
+    odometry = tmp_path / "log" / "odometry_1.csv"
+    odometry.write_text(odometry.read_text().splitlines()[0] + "\n")
+    called = teamslam("info", tmp_path / "log")
+    assert "nan" not in called.out.replace(str(tmp_path), "") and "counted from pose 0" in called.out
+
+
 def test_a_team_that_cannot_be_joined_ends_with_code_1_and_the_cure(teamslam, tmp_path: Path) -> None:
     """Robot 3 sees nobody and nothing that others see."""
     whole = team("2d", poses=6)

@@ -138,11 +138,11 @@ def _recording(path: Path) -> int:
 
 def _measured(found: "Inspection", names: "Names") -> tuple[list[str], list[list[str]]]:
     """The table of what was measured: from the first pose concerned to the last, counted from the log's first."""
-    start = min(c.start_s for c in found.counts)
+    start = min((c.start_s for c in found.counts if c.rows), default=0.0)
     digits, unit = (0, "") if names.counts else (2, " [s]")
     rows = [
         [names.robot(c.robot), c.source, c.model, f"{c.rows:,}"]
-        + [f"{stamp - start:.{digits}f}" for stamp in (c.start_s, c.stop_s)]
+        + [f"{stamp - start:.{digits}f}" if c.rows else "" for stamp in (c.start_s, c.stop_s)]
         for c in found.counts
     ]
     zero = f"pose {start:.0f}" if names.counts else f"{start:.6f} s"
