@@ -2,9 +2,12 @@
 
 import gc
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -77,6 +80,46 @@ def test_rounds_end_at_the_full_least_squares(weather: Weather) -> None:
     )
     for link in record["links"]:
         assert link["body_bytes"] + link["word_bytes"] == link["carried_bytes"]
+
+
+class Slow(Executor):
+    """One thread, which is done with nothing before it is let go on."""
+
+    def __init__(self) -> None:
+        self.orders = list[tuple[Future[Any], Callable[[], Any]]]()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **_: Any) -> Future[Any]:
+        self.orders.append((future := Future(), partial(fn, *args)))
+        return future
+
+    def go_on(self) -> None:
+        for future, call in self.orders:
+            future.set_result(call())
+        self.orders.clear()
+
+
+@pytest.mark.parametrize("slow", [1, 2, 3])
+def test_while_rounds_are_at_work_a_robot_hears_and_speaks(slow: int) -> None:
+    """Each turn of one robot's rounds takes four seconds, of a patience of one. It tells what it holds meanwhile and
+    gives what it is asked for, nobody takes it to be away, and all end where the full least squares does."""
+    air, thread = Air(Weather(), 0), Slow()
+    members = parked(Habits(patience_s=1.0), air)
+    members[slow].rounds = Rounds(thread)
+    for tick in range(300):
+        talk(air, members, tick, tick + 1)
+        assert not thread.orders or members[slow].rounds.busy
+        if tick % 4 == 3:
+            thread.go_on()
+        heard_s = [
+            other.peer.lines[slow].heard_s for n, other in members.items() if n != slow and slow in other.peer.lines
+        ]
+        assert all(tick - s <= 2.0 for s in heard_s)
+    best = exact_join(split(LOG, poses_per_piece=9)).map.all_values
+    for member in members.values():
+        found = member.rounds.courses[0].values  # type: ignore[index]
+        assert found is not None and account(member).as_sent == () and not member.rounds._more
+        keys = np.intersect1d(found.layout.keys, best.layout.keys)
+        np.testing.assert_allclose(found.only(keys).minus(best.only(keys)), 0.0, atol=1e-6)
 
 
 def half_way() -> tuple[Air, dict[int, Member], int]:

@@ -28,6 +28,8 @@ QUIET_S, BUSY_S = 60.0, 600.0  # without news, before a team is taken to be at i
 
 def among(duty: "Duty", source: "Source", address: "Address") -> int:
     """One robot among its team until it is ended; it goes on from its journal where there is one."""
+    from concurrent.futures import ThreadPoolExecutor
+
     from teamslam.beside import Beside
     from teamslam.cli.console import complain
     from teamslam.cli.driving import Disks, Finished, Shown
@@ -45,6 +47,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.robot.link.keys import read_revocations, read_seal
     from teamslam.robot.link.zenoh import ZenohLink
     from teamslam.robot.peer import Peer
+    from teamslam.robot.rounds import Rounds
     from teamslam.robot.rows import head_of
     from teamslam.robot.scribe import Scribe
 
@@ -95,7 +98,8 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
             seal = read_seal(address.certificates, address.team, robot, address.members, dataset.names)
             peer = Peer(robot, duty.habits, seal).recalling(read_revocations(address.certificates))
         peer = peer.recalling(memory.bodies)
-        member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside)), _known(memory.bodies)
+        rounds = Rounds(stack.enter_context(ThreadPoolExecutor(1, "rounds")))
+        member, kept = Member(start, peer, link, Mapper(beside), Scribe(beside), rounds), _known(memory.bodies)
         driver = Driver(member, journal, report, ended.is_set, source.names, kept=kept)
         stack.enter_context(lasting())
         stream = link.rows() if duty.remote else None

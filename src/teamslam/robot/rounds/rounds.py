@@ -12,26 +12,42 @@ well. What was there before, the map of the set, stays as it was: rounds give wh
 why not.
 """
 
+from concurrent.futures import Executor, Future, wait
+
 from teamslam.errors import TeamslamError
 from teamslam.model import Submap
-from teamslam.robot.packets import Answer, Question
+from teamslam.robot.link import HEARD
+from teamslam.robot.packets import Answer, Packet, Question
 from teamslam.robot.peer import Peer
 from teamslam.robot.robot import Robot
 from teamslam.robot.rounds.course import LONG, Account, Course, Heard, Out
 
+AT_ONCE_S = 0.02  # what takes longer is gone on with beside
+
 
 class Rounds:
     """A robot's side of exact rounds, whichever that is on the set that it holds now. `root` names that set; `courses`:
-    one for each part of its map, once it stood for a while; `busy`: there may be a result yet."""
+    one for each part of its map, once it stood for a while; `busy`: there may be a result yet.
 
-    def __init__(self) -> None:
+    With an `executor` of one thread, work that takes long is gone on with there: the robot hears others meanwhile, and
+    says what comes of it at one of its next turns."""
+
+    def __init__(self, executor: Executor | None = None) -> None:
+        self._executor = executor
+        self._work: Future[Out] | None = None
+        self._unheard: list[tuple[int, Packet]] = []
         self._first_s: float | None = None
         self._begin(b"", 0.0)
 
     def _begin(self, root: bytes, now_s: float) -> None:
         self.root, self._since_s, self._why = root, now_s, ""
         self.courses: tuple[Course, ...] | None = None
-        self.busy = False
+        self._more = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether there may be a result yet."""
+        return self._more or self._work is not None
 
     @property
     def accounts(self) -> tuple[Account, ...]:
@@ -42,30 +58,45 @@ class Rounds:
 
     @property
     def maps(self) -> tuple[Submap, ...]:
-        """The parts where rounds have put them, of all whose rounds have ended."""
+        """The parts where rounds have put them, of all whose rounds have ended; what is at work is waited for."""
+        if self._work is not None:
+            self._work.exception()
         return tuple(found for course in self.courses or () if (found := course.map) is not None)
 
     def attend(self, now_s: float, peer: Peer, robot: Robot, heard: Heard, ready: bool) -> Out:
         """Questions and answers to be sent, after those that were `heard`. `ready`: there is nothing else to say."""
+        if self._executor is None or (self._work is None and not ready):
+            return self._turn(now_s, peer, robot, heard, ready)
+        self._unheard = [*self._unheard, *heard][-HEARD:]  # what is lost is asked, or answered, again
+        if self._work is None:
+            heard, self._unheard = self._unheard, []
+            self._work = self._executor.submit(self._turn, now_s, peer, robot, heard, ready)
+        wait((self._work,), AT_ONCE_S)
+        if not self._work.done():
+            return []
+        work, self._work = self._work, None
+        return work.result()
+
+    def _turn(self, now_s: float, peer: Peer, robot: Robot, heard: Heard, ready: bool) -> Out:
         if self._first_s is None:
             self._first_s = now_s
         if peer.root != self.root:
             self._begin(peer.root, now_s)
         if not ready:
-            self.busy = False
+            self._more = False
             return []
         spoken = [(s, p) for s, p in heard if isinstance(p, Question | Answer) and p.root == self.root]
         if self.courses is None:
             # What it lacks may come: to make a map of what it holds, whatever that takes, would be for nothing.
             rest_s = peer.habits.patience_s * (LONG if peer.missing else 1)
             if not spoken and now_s - self._since_s < rest_s:
-                self.busy = True
+                self._more = True
                 return []
             self.courses = self._courses(now_s, self._first_s, peer)
         out = Out()
         for course in self.courses:
             out += course.attend(now_s, peer, robot, [(s, p) for s, p in spoken if p.part == course.number])
-        self.busy = any(course.busy for course in self.courses)
+        self._more = any(course.busy for course in self.courses)
         return out
 
     def _courses(self, now_s: float, first_s: float, peer: Peer) -> tuple[Course, ...]:
