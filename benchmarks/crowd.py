@@ -29,6 +29,7 @@ from growing_team import Team
 from run import machine
 from teamslam.joining import build, split
 from teamslam.model import Submap
+from teamslam.robot.exchange import step
 from teamslam.robot.link.memory import Air, Weather
 from teamslam.robot.opened import opened
 from teamslam.robot.peer import Peer
@@ -116,7 +117,7 @@ def exchanged(
             with counted:
                 if not rest and 0 <= number < len(own):
                     peers[robot] = peers[robot].with_submaps([own[number]])
-                peers[robot], out = peers[robot].step(now_s, heard)
+                peers[robot], out = step(peers[robot], now_s, heard)
             spent[robot] += time.process_time() - began
             for packet in out:
                 links[robot].send(packet.to, packet.data)

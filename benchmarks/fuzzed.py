@@ -30,6 +30,7 @@ from teamslam.joining import build, split
 from teamslam.live import replayed
 from teamslam.model import Dataset
 from teamslam.robot import Options, Robot
+from teamslam.robot.exchange import step
 from teamslam.robot.link.memory import Air, Weather
 from teamslam.robot.opened import opened
 from teamslam.robot.packets import Ask, Body, Entry, Have, List, Want, from_bytes, to_bytes
@@ -80,13 +81,13 @@ def driven(log: Dataset, packets: int, seed: int) -> dict[str, Any]:
             unsound += not is_sound(data)
             links[INTRUDER].send(1, data)
             sent += 1
-        other, out = other.step(now_s, links[2].receive())
+        other, out = step(other, now_s, links[2].receive())
         for packet in out:
             links[2].send(packet.to, packet.data)
         air.tick(now_s)
         for turn in range(TURNS):
             began = time.thread_time()
-            peer, out = peer.step(now_s + 0.02 * turn, links[1].receive(HEARD_AT_ONCE))
+            peer, out = step(peer, now_s + 0.02 * turn, links[1].receive(HEARD_AT_ONCE))
             talks.append(1e3 * (time.thread_time() - began))
             for packet in out:
                 links[1].send(packet.to, packet.data)
@@ -98,7 +99,7 @@ def driven(log: Dataset, packets: int, seed: int) -> dict[str, Any]:
         if not now_s % 25:
             gc.collect()
     for _ in range(TURNS):
-        peer, _ = peer.step(now_s, links[1].receive())
+        peer, _ = step(peer, now_s, links[1].receive())
     refused, shut_out = sum(peer.refused.values()), links[1].inbox.dropped[INTRUDER]
     return {
         "what": "flooded" if packets else "calm",

@@ -15,6 +15,7 @@ from typing import Any
 from teamslam.live import Mapper, replayed
 from teamslam.model import Dataset, Submap, Table
 from teamslam.robot import Estimate, Options, Robot
+from teamslam.robot.exchange import saying, step
 from teamslam.robot.link import HEARD, Link
 from teamslam.robot.link.memory import Air, Weather, always
 from teamslam.robot.peer import Habits, Peer
@@ -65,7 +66,7 @@ class Member:
         """Hear (at most so many packets) and say what there is; `between` the two something may be done, which tells
         whether anything may be said."""
         known = self.peer.known
-        self.peer, out = self.peer.step(now_s, self.link.receive(most))
+        self.peer, out = step(self.peer, now_s, self.link.receive(most))
         if self.peer.known is not known:
             self.agree()
         if self.parked:
@@ -73,7 +74,7 @@ class Member:
         self.peer = self.scribe.attend(self.peer)
         ready = self.parked and not self.busy
         said = self.rounds.attend(now_s, self.peer, self.robot, self.peer.asides, ready)
-        self.peer, more = self.peer.saying(said)
+        self.peer, more = saying(self.peer, said)
         out += more
         for packet in out if between() else ():
             self.link.send(packet.to, packet.data)

@@ -23,6 +23,7 @@ from teamslam.live import replayed
 from teamslam.model import Dataset, Table, Values, is_landmark, is_pose, robot_of
 from teamslam.results.fleet import bits_of, joined, report_of
 from teamslam.robot import Options, Robot
+from teamslam.robot.exchange import step
 from teamslam.robot.forms import made
 from teamslam.robot.link.memory import Air, Weather
 from teamslam.robot.packets import Question, to_bytes
@@ -256,7 +257,7 @@ def test_while_something_is_lacked_that_may_come_there_are_none() -> None:
     members[3].peer = lacked.with_messages(made(lacked.orders))
     talk(air, members, 0, 4)
     for robot in (1, 2):
-        members[robot].peer, _ = members[robot].peer.step(4.0, [(3, to_bytes(whole.listing))])
+        members[robot].peer, _ = step(members[robot].peer, 4.0, [(3, to_bytes(whole.listing))])
         assert members[robot].peer.missing
     del members[3]
     air.leave(3)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from teamslam.errors import InputError
 from teamslam.joining import build, split
 from teamslam.model import Submap
+from teamslam.robot.exchange import step
 from teamslam.robot.link.memory import Air, Weather
 from teamslam.robot.opened import opened
 from teamslam.robot.packets import Ask, Body, Entry, Have, List, Want, from_bytes, to_bytes
@@ -72,7 +73,7 @@ def course(seed: int) -> tuple[dict[int, Peer], SubmapSet]:
                 known = known.merge(peer.held)
             if now_s < 25 and rng.random() < 0.05:  # killed, and started anew
                 peer, links[robot] = Peer(robot, habits).with_set(peer.held), air.link(robot)
-            peers[robot], out = peer.step(now_s, links[robot].receive())
+            peers[robot], out = step(peer, now_s, links[robot].receive())
             for packet in out:
                 links[robot].send(packet.to, packet.data)
         if now_s > 25 and len({peer.root for peer in peers.values()}) == 1:
@@ -96,7 +97,7 @@ def test_what_is_exchanged_makes_the_offline_map() -> None:
     for tick in range(12):
         air.tick(float(tick))
         for robot in ROBOTS:
-            peers[robot], out = peers[robot].step(float(tick), links[robot].receive())
+            peers[robot], out = step(peers[robot], float(tick), links[robot].receive())
             for packet in out:
                 links[robot].send(packet.to, packet.data)
     assert all(map_of(peer.held) == map_of(OFFLINE) for peer in peers.values())
@@ -108,8 +109,8 @@ def test_what_is_exchanged_makes_the_offline_map() -> None:
 def test_a_step_is_pure() -> None:
     peer = Peer(1).with_submaps(SUBMAPS[1])
     inbox = [(2, to_bytes(Have(bytes(16)))), (2, to_bytes(Ask()))]
-    one, first = peer.step(5.0, inbox)
-    two, second = peer.step(5.0, inbox)
+    one, first = step(peer, 5.0, inbox)
+    two, second = step(peer, 5.0, inbox)
     assert first == second and one.root == two.root == peer.root and not peer.lines
 
 
@@ -121,12 +122,12 @@ def test_what_tells_most_goes_first() -> None:
     submaps = [build(piece) for n in pieces for piece in split(log, poses_per_piece=6 * n)[:1]]
     named = [replace(submap, id=f"1/{n}") for n, submap in enumerate(submaps)]
     other = Peer(2).with_submaps(named)
-    _, out = Peer(1).step(0.0, [(2, to_bytes(other.listing))])
+    _, out = step(Peer(1), 0.0, [(2, to_bytes(other.listing))])
     (want,) = (packet for packet in map(from_bytes, (o.data for o in out)) if isinstance(packet, Want))
     entries = {entry.digest: entry for entry in other.listing.entries}
     asked = [entries[digest] for digest in want.digests]
     assert asked[0].knows and [entry.id for entry in asked[1:]] == ["1/0", "1/2", "1/3", "1/1"]
-    _, out = other.step(0.0, [(1, to_bytes(want))])
+    _, out = step(other, 0.0, [(1, to_bytes(want))])
     sent = [opened(p.data).entry for p in map(from_bytes, (o.data for o in out)) if isinstance(p, Body)]
     assert sent == asked
 
@@ -142,7 +143,7 @@ def test_removals_spread() -> None:
             peers[1] = peers[1].with_set(removed.merge(SubmapSet().remove_robot(3, 7)))
         air.tick(float(tick))
         for robot in peers:
-            peers[robot], out = peers[robot].step(float(tick), links[robot].receive())
+            peers[robot], out = step(peers[robot], float(tick), links[robot].receive())
             for packet in out:
                 links[robot].send(packet.to, packet.data)
     assert peers[1].held == peers[2].held and peers[2].held.removed_robots == {3: 7}
@@ -156,7 +157,7 @@ def test_a_rate_is_kept() -> None:
     gone, now_s = 0, 0.0
     inbox = [(2, wanted)]
     for _ in range(2000):
-        peer, out = peer.step(now_s, inbox)
+        peer, out = step(peer, now_s, inbox)
         gone += sum(len(packet.data) for packet in out if isinstance(from_bytes(packet.data), Body))
         assert gone <= 1000.0 * now_s + max(sizes) + 100
         inbox, now_s = [], now_s + 0.1
@@ -172,7 +173,7 @@ def test_packets_that_make_no_sense_are_refused_and_counted(noise: bytes | int) 
         turned = bytearray(data)
         turned[noise % len(data)] ^= 1 << (noise % 8)
         noise = bytes(turned)
-    after, _ = Peer(2).step(0.0, [(1, noise)])
+    after, _ = step(Peer(2), 0.0, [(1, noise)])
     assert after.held == SubmapSet() and after.root == Peer(2).root
     try:
         sound = not isinstance(from_bytes(noise), Body)
@@ -182,7 +183,7 @@ def test_packets_that_make_no_sense_are_refused_and_counted(noise: bytes | int) 
 
 
 def test_a_packet_that_is_too_large_is_refused() -> None:
-    peer, _ = Peer(1, Habits(largest=100)).step(0.0, [(2, to_bytes(Body(bytes(200))))])
+    peer, _ = step(Peer(1, Habits(largest=100)), 0.0, [(2, to_bytes(Body(bytes(200))))])
     assert list(peer.refused.values()) == [1] and "more than 100 bytes" in next(iter(peer.refused))
 
 
@@ -232,7 +233,7 @@ def test_no_line_carries_more_than_its_budget_and_what_is_held_is_what_came(
     for tick in range(240):
         air.tick(float(tick))
         for robot in ROBOTS:
-            peers[robot], out = peers[robot].step(float(tick), links[robot].receive())
+            peers[robot], out = step(peers[robot], float(tick), links[robot].receive())
             for packet in out:
                 links[robot].send(packet.to, packet.data)
     lines = {(a, b): line.sent for a, peer in peers.items() for b, line in peer.lines.items() if b != EVERYONE}
@@ -248,11 +249,11 @@ def test_what_both_know_is_not_told_again_and_again() -> None:
     peer, other = Peer(1, Habits(patience_s=1.0)), Peer(2).with_submaps(SUBMAPS[2])
     asks = 0
     for tick in range(100):
-        peer, out = peer.step(float(tick), [(2, to_bytes(Have(other.root)))])
+        peer, out = step(peer, float(tick), [(2, to_bytes(Have(other.root)))])
         said = [from_bytes(packet.data) for packet in out]
         asks += sum(isinstance(packet, Ask) for packet in said)
         if any(isinstance(packet, Ask) for packet in said):
-            peer, _ = peer.step(float(tick), [(2, to_bytes(other.beside(())))])
+            peer, _ = step(peer, float(tick), [(2, to_bytes(other.beside(())))])
     assert asks == 1 and len(peer.missing) == len(SUBMAPS[2]) + 1  # and a page of what it knows
 
 

@@ -12,6 +12,7 @@ from teamslam.joining import build, join, split
 from teamslam.model import is_landmark, robot_of
 from teamslam.results.fleet import bits_of, joined, links_of, report_of
 from teamslam.robot import Options
+from teamslam.robot.exchange import step
 from teamslam.robot.forms import FORMS, VERSIONS, Order, allowance, made, needed
 from teamslam.robot.line import Sent
 from teamslam.robot.link.memory import Air, Weather
@@ -75,7 +76,7 @@ def told(peers: dict[int, Peer], until: int = 60) -> dict[int, Peer]:
     for tick in range(until):
         air.tick(float(tick))
         for robot, peer in peers.items():
-            after, out = peer.step(float(tick), links[robot].receive())
+            after, out = step(peer, float(tick), links[robot].receive())
             peers[robot] = after.with_submaps(())
             for packet in out:
                 links[robot].send(packet.to, packet.data)

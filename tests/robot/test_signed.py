@@ -9,6 +9,7 @@ import pytest
 from teamslam.errors import InputError
 from teamslam.joining import build, split
 from teamslam.model import Names, Sources, Submap
+from teamslam.robot.exchange import step
 from teamslam.robot.journal import Journal
 from teamslam.robot.link.keys import make_certificates, read_revocations, read_seal, revoke
 from teamslam.robot.link.memory import Air, Weather
@@ -46,7 +47,7 @@ def message(submap: Submap) -> bytes:
 
 def heard(peer: Peer, sender: int, *bodies: Body, now_s: float = 0.0) -> Peer:
     """A peer after bodies that came from another robot."""
-    return peer.step(now_s, [(sender, to_bytes(body)) for body in bodies])[0]
+    return step(peer, now_s, [(sender, to_bytes(body)) for body in bodies])[0]
 
 
 def refused(peer: Peer, sender: int, says: str) -> bool:
@@ -61,7 +62,7 @@ def exchanged(peers: dict[int, Peer], first_s: int = 0) -> dict[int, Peer]:
     for tick in range(first_s, first_s + 20):
         air.tick(float(tick))
         for robot, peer in peers.items():
-            peers[robot], out = peer.step(float(tick), links[robot].receive())
+            peers[robot], out = step(peer, float(tick), links[robot].receive())
             for packet in out:
                 links[robot].send(packet.to, packet.data)
     return peers
@@ -189,7 +190,7 @@ def test_a_revocation_spreads_and_ends_what_the_robot_said(tmp_path: Path) -> No
     peers = exchanged(peers, 50)
     assert {r for submap in peers[3].held.submaps for r in submap.robots} == {2, 3}
     assert peers[3].revoked(1) and peers[2].root == peers[3].root
-    after, out = peers[3].step(100.0, [(1, to_bytes(List(())))])
+    after, out = step(peers[3], 100.0, [(1, to_bytes(List(())))])
     assert "out for ever" in next(iter(after.refused)) and after.lines[1].refused == 1
     assert not [packet for packet in out if packet.to == 1]
 
@@ -219,7 +220,7 @@ def test_a_removal_in_the_list_is_only_a_word(seals: dict[int, Seal]) -> None:
     """A list says what there is to be fetched, and changes nothing that is held."""
     peer = Peer(3, seal=seals[3]).recalling([seals[1].signed(message(SUBMAPS[1][0]))])
     entry = Entry(SUBMAPS[1][0].id, 9, digest_of(b"not there"), gone=True)
-    after, out = peer.step(0.0, [(2, to_bytes(List((entry,))))])
+    after, out = step(peer, 0.0, [(2, to_bytes(List((entry,))))])
     assert after.held == peer.held
     assert [type(from_bytes(packet.data)).__name__ for packet in out if packet.to == 2] == ["Want"]
 

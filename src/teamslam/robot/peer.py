@@ -1,15 +1,8 @@
-"""A robot among others: it tells what it holds, asks for what it lacks, and ends up with what all know together.
+"""A robot among others: what it holds of the team, what it lacks, and what its lines to others have carried.
 
-    step    (peer, time, packets in) -> (peer, packets out): pure, the same packets at the same times give the same
-
-It pulls: nobody sends a body that was not asked for. Every packet may be lost, late, out of order or repeated: what is
-held is a set that grows (`SubmapSet`), what was asked for and did not come is asked for again, of whoever has it, and
-what is known already changes nothing. So robots that can reach each other, directly or through others, hold the same in
-the end, and make one map of it, to the bit. A body is passed on as the bytes that were heard, and under a seal only
-what its own robot has signed is taken.
-
-Bodies wait for their turn: `rate` bytes a second to each robot. The one who asks says in which order: what others know
-by name first, which is small; then the submaps with the most measurements.
+What is held is a set that grows (`SubmapSet`), in whatever order it is heard. A body is kept as the bytes that were
+heard, to be passed on as these, and under a seal only what its own robot has signed is taken. How it is told and asked
+for: `exchange`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,17 +22,12 @@ from teamslam.robot.opened import announcements, opened
 from teamslam.robot.packets import (
     EVER,
     Answer,
-    Ask,
     Body,
     Entry,
-    Have,
     List,
-    Packet,
     Question,
     Removal,
-    Want,
     digest_of,
-    from_bytes,
     root_of,
     shelf_of,
     shelves_of,
@@ -49,8 +37,6 @@ from teamslam.robot.seal import Seal
 from teamslam.team import Knowledge, SubmapSet
 
 EVERYONE = 0  # in place of a robot's number: all that can be reached
-NEVER = (-1e300, 0)
-DOUBLINGS = 2  # of the time that an answer is waited for
 RESTS = 5  # doublings of the time before a submap that went in short comes again
 REASONS, OTHERWISE = 100, "for other reasons"  # why packets were refused: so many are told apart
 
@@ -72,14 +58,6 @@ class Habits:
             found = getattr(self, name)
             if found is not None and not 0 < found < float("inf"):
                 raise InputError(f"a number above 0 is needed, found {found}", field=name)
-
-
-@dataclass(frozen=True)
-class Outgoing:
-    """A packet to a robot, or to EVERYONE."""
-
-    to: int
-    data: bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +84,6 @@ class Peer:
     heard_s: float = -1e300
     asides: tuple[tuple[int, Question | Answer], ...] = ()
     refused: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-
-    # --- what it holds --------------------------------------------------------------------------------------------
 
     @cached_property
     def listing(self) -> List:
@@ -138,10 +114,10 @@ class Peer:
         """What others said they hold, and this one lacks: what they know first, then submaps with the most
         measurements."""
         known = {e.digest: e for line in self.lines.values() for e in line.lists}
-        lacked = [entry for entry in known.values() if entry.digest not in self.bodies and self._news(entry)]
+        lacked = [entry for entry in known.values() if entry.digest not in self.bodies and self.is_news(entry)]
         return tuple(sorted(lacked, key=lambda entry: (not entry.knows, -entry.rows, entry.digest)))
 
-    def _news(self, entry: Entry) -> bool:
+    def is_news(self, entry: Entry) -> bool:
         """Whether what an entry stands for would change what is held."""
         if entry.robot:
             return self.held.removed_robots.get(entry.robot, -1) < entry.version
@@ -203,7 +179,7 @@ class Peer:
     def with_messages(self, messages: Iterable[bytes]) -> "Peer":
         """With messages of its own submaps as they were ordered; one that came too late, or that none could be made of,
         changes nothing."""
-        made = [data for data in messages if data and self._news(opened(data).entry)]
+        made = [data for data in messages if data and self.is_news(opened(data).entry)]
         return replace(self.with_bodies(made), mine=self.mine | set(map(digest_of, made)))
 
     @cached_property
@@ -216,7 +192,7 @@ class Peer:
         or under a seal is of another robot."""
         peer = self
         for data in bodies:
-            peer = peer._with_body(Body(data) if self.seal is None else self.seal.signed(data))
+            peer = peer.with_heard(Body(data) if self.seal is None else self.seal.signed(data))
         return peer
 
     def recalling(self, bodies: Iterable[Body]) -> "Peer":
@@ -225,9 +201,9 @@ class Peer:
         peer = self
         for body in bodies:
             try:
-                peer = peer._with_body(body)
+                peer = peer.with_heard(body)
             except TeamslamError as error:
-                peer = peer._refusing(EVERYONE, str(error))
+                peer = peer.refusing(EVERYONE, str(error))
         return peer
 
     def with_set(self, known: SubmapSet) -> "Peer":
@@ -243,7 +219,7 @@ class Peer:
         names = {} if self.seal is None else {self.seal.names.robot(r): r for r in self.seal.known if r}
         return names.get(id_.rpartition("/")[0], 0)
 
-    def _with_body(self, body: Body) -> "Peer":
+    def with_heard(self, body: Body) -> "Peer":
         """With one body more. Raises InputError where it is no sound message, or under a seal not signed by its
         robot."""
         if (digest := digest_of(body.data)) in self.bodies:
@@ -259,126 +235,15 @@ class Peer:
         kept = {d: c for d, c in bodies.items() if c.entry.id != found.entry.id or c.opened.stands(held, known)}
         return replace(self, held=held, known=known, bodies=MappingProxyType(kept))
 
-    # --- a step ---------------------------------------------------------------------------------------------------
-
-    def step(self, now_s: float, inbox: Sequence[tuple[int, bytes]]) -> tuple["Peer", list[Outgoing]]:
-        """The peer after some packets (from whom, bytes) at a time, and what it says."""
-        peer, out = replace(self, asides=()), list[tuple[int, Packet]]()
-        for sender, data in inbox:
-            try:
-                if peer.revoked(sender):
-                    raise InputError("a packet of a robot that is out for ever")
-                if len(data) > self.habits.largest:
-                    raise InputError(f"a packet of more than {self.habits.largest} bytes")
-                peer, said = peer._heard(now_s, sender, from_bytes(data))
-                peer = peer._on(sender, replace(peer.lines[sender], heard_s=now_s))
-                out += said
-            except TeamslamError as error:
-                peer = peer._refusing(sender, str(error))
-        if peer.known is not self.known:
-            peer = replace(peer, heard_s=now_s)
-        for turn in (_asking, _sending, _telling):
-            peer, said = turn(peer, now_s)
-            out += said
-        return peer._spending(out)
-
-    def saying(self, said: Sequence[tuple[int, Packet]]) -> tuple["Peer", list[Outgoing]]:
-        """What is said beside the exchange, to whom, and the peer with it written down."""
-        return self._spending(said)
-
-    def _heard(self, now_s: float, sender: int, packet: Packet) -> tuple["Peer", list[tuple[int, Packet]]]:
-        line = self.lines.get(sender, Line())
-        match packet:
-            case Question() | Answer():
-                return replace(self, asides=(*self.asides, (sender, packet)))._on(sender, line), []
-            case Have(root):
-                line = replace(line, root=root)
-                if root in (self.root, line.listed) or now_s - line.asked_s < self.habits.patience_s:
-                    return self._on(sender, line), []
-                return self._on(sender, replace(line, asked_s=now_s)), [(sender, Ask(self.shelves))]
-            case Ask(shelves):
-                return self._on(sender, line), [(sender, self.beside(shelves))]
-            case List(entries, root):
-                lacked = tuple(e for e in entries if e.digest not in self.bodies and self._news(e))
-                return self._on(sender, replace(line, lists=lacked, listed=root, asked_s=-1e300)), []
-            case Want(digests):
-                more = tuple(d for d in digests if d in self.bodies and d not in line.waiting)
-                return self._on(sender, replace(line, waiting=line.waiting + more)), []
-            case Body(data):
-                wanted = MappingProxyType({d: t for d, t in self.wanted.items() if d != digest_of(data)})
-                return replace(self._with_body(packet), wanted=wanted)._on(sender, line), []
-        raise AssertionError(packet)
-
-    def _refusing(self, sender: int, reason: str) -> "Peer":
+    def refusing(self, sender: int, reason: str) -> "Peer":
+        """With a packet that made no sense counted."""
         line = self.lines.get(sender, Line())
         reason = reason if reason in self.refused or len(self.refused) < REASONS else OTHERWISE
         refused = MappingProxyType({**self.refused, reason: self.refused.get(reason, 0) + 1})
-        return replace(self, refused=refused)._on(sender, replace(line, refused=line.refused + 1))
+        return replace(self, refused=refused).on(sender, replace(line, refused=line.refused + 1))
 
-    def _on(self, sender: int, line: Line) -> "Peer":
-        if self.lines.get(sender) is line:
+    def on(self, other: int, line: Line) -> "Peer":
+        """With a line to another robot as it is now."""
+        if self.lines.get(other) is line:
             return self
-        return replace(self, lines=MappingProxyType({**self.lines, sender: line}))
-
-    def _spending(self, out: Sequence[tuple[int, Packet]]) -> tuple["Peer", list[Outgoing]]:
-        """What is said, as far as each line's budget goes, and the peer with it written down."""
-        peer, packets = self, list[Outgoing]()
-        for to, packet in out:
-            data, line = to_bytes(packet), peer.lines.get(to, Line())
-            s, size = line.sent, len(data)
-            if self.habits.budget is not None and to != EVERYONE and s.bytes + size > self.habits.budget:
-                s = replace(s, withheld=s.withheld + 1)
-            else:
-                packets.append(Outgoing(to, data))
-                s = s.with_body(opened(packet.data).kind, size) if isinstance(packet, Body) else s.with_word(size)
-            peer = peer._on(to, replace(line, sent=s))
-        return peer, packets
-
-
-Said = tuple[Peer, list[tuple[int, Packet]]]
-
-
-def _asking(peer: Peer, now_s: float) -> Said:
-    """Ask for what is missing and was not asked for lately: each body of one who has it, each time of another. Each
-    time it waits twice as long for the answer, to begin with: a line may be slow, and what is slow comes no sooner if
-    it is sent again."""
-    patience_s = peer.habits.patience_s
-    asked = {e.digest: peer.wanted.get(e.digest, NEVER) for e in peer.missing}
-    due = [d for d, (when, times) in asked.items() if now_s - when >= patience_s * 2 ** min(times - 1, DOUBLINGS)]
-    if not due:
-        return peer, []
-    holders = {
-        digest: [to for to, line in sorted(peer.lines.items()) if any(e.digest == digest for e in line.lists)]
-        for digest in due
-    }
-    turn = round(now_s / patience_s)
-    wants: dict[int, list[bytes]] = {}
-    for number, digest in enumerate(due):
-        whom = holders[digest][(turn + number) % len(holders[digest])]
-        wants.setdefault(whom, []).append(digest)
-    wanted = asked | {digest: (now_s, asked[digest][1] + 1) for digest in due}
-    return replace(peer, wanted=MappingProxyType(wanted)), [(to, Want(tuple(digests))) for to, digests in wants.items()]
-
-
-def _sending(peer: Peer, now_s: float) -> Said:
-    """Send the bodies whose turn it is."""
-    out: list[tuple[int, Packet]] = []
-    for to, line in sorted(peer.lines.items()):
-        free_s, waiting = line.free_s, list(line.waiting)
-        while waiting and free_s <= now_s:
-            content = peer.bodies.get(waiting.pop(0))
-            if content is None:  # replaced since
-                continue
-            out.append((to, content.body))
-            if peer.habits.rate is not None:
-                free_s = max(free_s, now_s) + len(content.data) / peer.habits.rate
-        if len(waiting) != len(line.waiting):
-            peer = peer._on(to, replace(line, free_s=free_s, waiting=tuple(waiting)))
-    return peer, out
-
-
-def _telling(peer: Peer, now_s: float) -> Said:
-    """Tell what is held, if it is time."""
-    if now_s - peer.announced_s < peer.habits.announce_s:
-        return peer, []
-    return replace(peer, announced_s=now_s), [(EVERYONE, Have(peer.root))]
+        return replace(self, lines=MappingProxyType({**self.lines, other: line}))
