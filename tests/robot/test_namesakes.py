@@ -9,6 +9,7 @@ import pytest
 
 from teamslam.joining import build, separators, split
 from teamslam.model import Submap
+from teamslam.robot.exchange import step
 from teamslam.robot.forms import FORMS, VERSIONS, Form
 from teamslam.robot.link.memory import Air, Weather
 from teamslam.robot.namesakes import tells
@@ -35,7 +36,7 @@ def talked(peers: Sequence[Peer], seconds: int, first_s: int = 0) -> list[Peer]:
     for tick in range(first_s, first_s + seconds):
         air.tick(float(tick))
         for n, link in enumerate(links):
-            found[n], out = found[n].step(float(tick), link.receive())
+            found[n], out = step(found[n], float(tick), link.receive())
             found[n] = found[n].with_submaps(())
             for packet in out:
                 link.send(packet.to, packet.data)

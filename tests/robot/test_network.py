@@ -11,6 +11,7 @@ import pytest
 
 from teamslam.errors import InputError
 from teamslam.joining import build, split
+from teamslam.robot.exchange import step
 from teamslam.robot.link.keys import make_certificates
 from teamslam.robot.link.zenoh import Address, ZenohLink
 from teamslam.robot.peer import Habits, Peer
@@ -154,7 +155,7 @@ def test_a_team_exchanges_over_sockets(tmp_path: Path) -> None:
         until = time.monotonic() + 90.0
         while time.monotonic() < until and len({peer.root for peer in peers.values()}) > 1:
             for robot, link in zip((1, 2), links, strict=True):
-                peers[robot], out = peers[robot].step(time.monotonic(), link.receive())
+                peers[robot], out = step(peers[robot], time.monotonic(), link.receive())
                 for packet in out:
                     link.send(packet.to, packet.data)
             time.sleep(0.02)
@@ -216,7 +217,7 @@ def test_the_ledger_is_what_goes_over_the_wire(tmp_path: Path) -> None:
         before, until, quiet = (wire.down, wire.up), time.monotonic() + 90.0, 0
         while time.monotonic() < until and quiet < 50:
             for robot, link in zip((1, 2), links, strict=True):
-                peers[robot], out = peers[robot].step(time.monotonic(), link.receive())
+                peers[robot], out = step(peers[robot], time.monotonic(), link.receive())
                 for packet in out:
                     link.send(packet.to, packet.data)
             quiet = quiet + 1 if len({peer.root for peer in peers.values()}) == 1 else 0
