@@ -7,6 +7,7 @@ import numpy as np
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.oracle import DENSE, centred, jacobian, true_values, whitened
+from stress.places import is_told
 from teamslam.geometry import Array
 from teamslam.joining import Component
 from teamslam.model import WORLD, Dataset, Submap, Table, Values
@@ -176,16 +177,20 @@ def _against_truth(component: Component, rows: list[Table], outcome: Outcome, fi
     if submap.base != WORLD:
         truth = truth.transform(truth.pose(submap.base).inverse())
     fixed = [] if submap.base == WORLD else [submap.base]
-    best = optimise(System(truth.layout, tables=rows, fixed=np.array(fixed, np.int64)), truth)
+    system = System(truth.layout, tables=rows, fixed=np.array(fixed, np.int64))
+    best = optimise(system, truth)
     away = best.values.only(submap.values.layout.keys).minus(submap.values)
     apart = float(away @ (submap.information @ away)) > APART
     if not best.converged or not _firm(best):
         return
     if outcome.exact and apart:
-        above, named = submap.cost - best.cost, bool(component.ambiguities)
+        above = submap.cost - best.cost
         costs = f"{submap.cost:.6g} and {best.cost:.6g}"
         lowest = above <= WORSE * (best.cost + 1.0)
-        findings.check("another optimum that fits as well is named", not lowest or above < -RULED_OUT or named, costs)
+        good = not lowest or above < -RULED_OUT or bool(component.ambiguities)
+        assert outcome.joined is not None
+        told = good or is_told(best, submap, system, outcome.joined.remarks)
+        findings.check("another optimum that fits as well is named", told, costs)
         return
     if apart:
         return

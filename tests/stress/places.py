@@ -6,8 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, IntArray
 from teamslam.model import Submap, Table, Values, is_landmark, point_kind
+from teamslam.solver import Solution, System, optimise
 
 TWO = re.compile(r"ambiguous: (.+) is at \((.+)\) or at \((.+)\), for (?:no|at most (\S+)) more of cost: .+", re.DOTALL)
 SIDE = re.compile(
@@ -29,6 +30,35 @@ def fits_there(remark: str, maps: Sequence[Submap], tables: Sequence[Table]) -> 
         names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
         return any(all(_key(whole, name) is not None for name in names) for whole in maps)
     return None
+
+
+def is_told(best: Solution, whole: Submap, system: System, remarks: Sequence[str]) -> bool:
+    """Whether another optimum of a map's rows is one that remarks tell of: the map with the landmarks that they say may
+    be elsewhere where that optimum has them, and all else where it is, leads there."""
+    keys = _elsewhere(whole, best.values, remarks)
+    if not len(keys):
+        return False
+    stays = ~np.isin(whole.values.layout.keys, keys)
+    found = optimise(system, best.values.update(whole.values.select(stays)))
+    off = best.values.only(whole.values.layout.keys).minus(found.values.only(whole.values.layout.keys))
+    return bool(off @ (whole.information @ off) < 1.0)
+
+
+def _elsewhere(whole: Submap, there: Values, remarks: Sequence[str]) -> IntArray:
+    """The landmarks of a map that remarks say may be elsewhere: those that they name, and of others that they only
+    count as many, those that are farthest from where they are."""
+    marks = whole.values.layout.keys[is_landmark(whole.values.layout.keys)]
+    called = {whole.names.describe(int(key)): int(key) for key in marks}
+    told: set[int] = set()
+    more = 0
+    for match in filter(None, (p.fullmatch(r) for r in remarks for p in (TWO, SIDE, OTHERS))):
+        listed, _, counted = match[1].partition(" and ")
+        mine = {called[name] for name in listed.split(", ") if name in called}
+        told |= mine
+        more += int(re.sub(r" others.*", "", counted) or 0) if mine else 0
+    far = np.linalg.norm(there.positions(marks, 3) - whole.values.positions(marks, 3), axis=-1)
+    others = [int(key) for key in marks[np.argsort(-far)] if int(key) not in told]
+    return np.array([*told, *others[:more]], np.int64)
 
 
 def _key(whole: Submap, name: str) -> int | None:

@@ -151,6 +151,16 @@ def test_a_map_that_ends_in_the_wrong_basin_is_found(world: str, drive: str) -> 
     assert of_truth(astray) == {"no map costs more than the optimum from the truth"}
 
 
+@pytest.mark.parametrize("seed", [11000010, 13000057], ids=["at two places", "on either side of a plane"])
+def test_another_optimum_is_named_where_remarks_tell_of_it_and_of_no_other(seed: int) -> None:
+    outcome = go(log_of(draw(seed)), DRIVES["full"])
+    assert outcome.joined is not None and len(outcome.joined.remarks)
+    said = "another optimum that fits as well is named"
+    assert said not in of_maps(outcome)
+    for lie in ((), (outcome.joined.remarks[0].replace("landmark", "tower"),)):
+        assert said in of_maps(replace(outcome, joined=replace(outcome.joined, remarks=lie)))
+
+
 def of_truth(outcome: Outcome) -> set[str]:
     findings = Findings()
     check_truth(outcome, findings)
