@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from oracle import scipy_optimum
 from teamslam.errors import InputError, SolveError
-from teamslam.model import Dataset, Loss, Values
+from teamslam.model import Dataset, Kind, Layout, Loss, Values, landmark_key
 from teamslam.solver import RULES, Covariances, Factor, Options, Status, Step, System, optimise
+from teamslam.solver.covariance import MANY
 from worlds import WORLDS, team
 
 
@@ -172,6 +174,18 @@ def test_covariances_are_the_dense_inverse(world: str) -> None:
     np.testing.assert_allclose(covariances.joint(pair), dense[np.ix_(at, at)], rtol=1e-8, atol=1e-14)
     draws = covariances.draws(np.eye(system.free.dof))
     np.testing.assert_allclose(draws @ draws.T, dense, rtol=1e-8, atol=1e-14)
+
+
+def test_joint_covariances_of_many_variables_are_the_dense_inverse() -> None:
+    """In whatever order they are asked for, one of them twice; and of all there are."""
+    rng = np.random.default_rng(0)
+    layout = Layout.of(landmark_key(np.arange(3 * MANY)), np.repeat([Kind.POINT2, Kind.POINT3], [MANY, 2 * MANY]))
+    root = sp.random_array((2 * layout.dof, layout.dof), density=0.02, rng=rng, data_sampler=rng.standard_normal)
+    information = sp.csr_array(root.T @ root + sp.eye_array(layout.dof))
+    covariances, dense = Covariances(layout, information), np.linalg.inv(information.toarray())
+    for asked in (np.append(layout.keys[::-2], layout.keys[-1]), rng.permutation(layout.keys)):
+        at = layout.unknowns(asked)
+        np.testing.assert_allclose(covariances.joint(asked), dense[np.ix_(at, at)], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("world", WORLDS)

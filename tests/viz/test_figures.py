@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import EllipseCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
@@ -29,6 +29,7 @@ from teamslam.viz import (
     draw_residuals_by_landmark,
 )
 from teamslam.viz.frame import log_scale
+from teamslam.viz.png import png
 from teamslam.viz.residuals import dots
 from teamslam.viz.space import region_wires
 from teamslam.viz.style import COLUMNS, NARROW, saved, seen, style
@@ -365,3 +366,36 @@ def test_a_picture_is_as_large_as_its_figure(scene: Scene) -> None:
         file.seek(0)
         height, width, _ = imread(file).shape
         assert (width, height) == pytest.approx(figure.get_size_inches() * (dpi or 160), abs=1.0)
+
+
+def test_a_picture_says_its_size() -> None:
+    """Its dots per inch stand in the file, for who prints it; another program reads it back as it was."""
+    from PIL import Image
+
+    image = np.random.default_rng(0).integers(0, 256, (7, 5, 3), np.uint8)
+    with Image.open(io.BytesIO(png(image, 160))) as read:
+        read.load()
+        np.testing.assert_array_equal(np.asarray(read), image)
+        assert read.info["dpi"] == pytest.approx((160, 160), abs=0.02)
+
+
+@pytest.mark.parametrize("dofs", [(3, 3), (3, 2), (2, 3)])
+def test_panels_have_the_lines_of_the_ticks_outermost(dofs: tuple[int, int]) -> None:
+    """A panel without ticks of its own has lines where the one has them that shares its axis and is named; and every
+    row and column that is used has its numbers."""
+    figure = draw_errors([tracks(dof)[k] for k, dof in enumerate(dofs)])
+    figure.canvas.draw()
+    grid = np.array(figure.axes).reshape(-1, 2)
+    used = [[axes for axes in line if axes.axison] for line in (*grid, *grid.T)]
+    rows, columns = used[: len(grid)], used[len(grid) :]
+    for name, other, line, named in [("y", 1, row, row[0]) for row in rows] + [("x", 0, c, c[-1]) for c in columns]:
+        axis = getattr(named, f"{name}axis")
+        low, high = sorted(axis.get_view_interval())
+        ticks = [at for at in axis.get_majorticklocs() if low <= at <= high]
+        assert axis.get_visible() and any(label.get_text() for label in axis.get_ticklabels())
+        for axes in line:
+            if axes is not named:
+                assert not getattr(axes, f"{name}axis").get_visible()
+                drawn = [s for c in axes.collections if isinstance(c, LineCollection) for s in c.get_segments()]
+                lines = [s[0, other] for s in drawn if s[0, other] == s[1, other]]
+                np.testing.assert_allclose(lines, ticks)

@@ -110,7 +110,7 @@ def _told(
             log = calibration.put_right(log, weigh=False)
             at = _at(log, joined)
         trust = assess(
-            log, submaps if suspects else (), joined, at, known=suspected,
+            log, submaps if suspects else (), joined, at, known=suspected, seen=seen,
             rejecting=config.trust.reject, probability=config.trust.wrong, stage=clock.start,
         )  # fmt: skip
         joined = with_plain_reasons(joined, trust.verdict)

@@ -19,9 +19,11 @@ from teamslam.cards import card
 from teamslam.geometry import AnyArray, Array, IntArray, Pose, lift_tangent
 from teamslam.geometry import rotations as group_of
 from teamslam.model import WORLD, Asked, Kind, Layout, Names, Submap, Values, is_landmark, key_asked, pose_kind
+from teamslam.model.layout import among
 from teamslam.model.portrait import portrait
 from teamslam.solver.linear import Factor, Matrix
 
+MANY = 30  # variables whose joint covariance is found by eliminating the others
 MOST_DRAWN = 500  # landmarks: of more, regions take longer than a card may
 
 
@@ -133,13 +135,23 @@ class Covariances:
         keys = np.array([self._key(one) for one in (asked.tolist() if isinstance(asked, np.ndarray) else asked)])
         dofs = np.array([self._kind(key).dof for key in keys.tolist()], np.int64)
         own = np.repeat(keys != self._base, dofs)
-        columns = self.layout.unknowns(keys[keys != self._base])
+        mine = self.layout.select(among(self.layout.keys, np.unique(keys)))
+        known = self._solved(mine) if len(mine) < MANY else self._eliminated(mine)
+        at = mine.unknowns(keys[keys != self._base])
+        covariance = np.zeros((len(own), len(own)))
+        covariance[np.ix_(own, own)] = 0.5 * (known + known.T)[np.ix_(at, at)]
+        return covariance
+
+    def _solved(self, mine: Layout) -> Array:
+        """The joint covariance of some variables, column by column."""
+        columns = self.layout.unknowns(mine.keys)
         unit = np.zeros((self.layout.dof, len(columns)))
         unit[columns, np.arange(len(columns))] = 1.0
-        known = self._factor.solve(unit)[columns] if len(columns) else np.zeros((0, 0))
-        covariance = np.zeros((len(own), len(own)))
-        covariance[np.ix_(own, own)] = 0.5 * (known + known.T)
-        return covariance
+        return np.asarray(self._factor.solve(unit)[columns])
+
+    def _eliminated(self, mine: Layout) -> Array:
+        """The same, by their information when all others are eliminated: of many variables in a third of the time."""
+        return np.asarray(np.linalg.inv(self._factor.information_of(self.layout.index(mine.keys))))
 
     def relative(self, values: Values, observer: Asked, target: Asked) -> Array:
         """The covariance of a target as seen from an observer's pose: of X_o^-1 X_t, or of R_o'(p - T_o).

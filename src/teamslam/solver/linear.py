@@ -161,6 +161,13 @@ class Factor:
         in the layout."""
         return self._factor.diagonal_inverse_by_size()
 
+    def information_of(self, places: IntArray) -> Array:
+        """The information of the variables at some places of the layout, rising, when all others are eliminated: dense,
+        the inverse of their joint covariance."""
+        assert self._numbers is not None, "the factor holds no matrix yet"
+        last = Factor(self.layout, self._structure.pattern, last=places, names=self.names)
+        return last.eliminate(self._numbers, np.zeros(self.layout.dof))[0]
+
     def in_sigmas(self, shift: Array) -> Array:
         """How far a shift (dof,) moves each variable (n,), in its own standard deviations: sqrt(d_v' P_vv^-1 d_v)."""
         out = np.zeros(len(self.layout))

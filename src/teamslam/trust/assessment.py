@@ -58,6 +58,7 @@ def assess(
     at: Sequence[AtMap],
     *,
     known: Suspicions | None = None,
+    seen: Suspicions | None = None,
     rejecting: bool = False,
     probability: float | None = None,
     stage: Callable[[str], None] = lambda name: None,
@@ -66,8 +67,9 @@ def assess(
 
     `submaps`: what it was joined of; without any (full least squares) nobody is suspected. Who lies is judged by the
     log without the mistakes that were found in it: what they explain speaks against nobody. `known`: suspicions that
-    there were before the log was changed. `rejecting`: wrong sightings were left out of the log; where not,
-    `probability` is that one is wrong (None: by the data). `stage` hears what is looked at next.
+    there were before the log was changed; `seen`: those of this very log, where somebody asked before. `rejecting`:
+    wrong sightings were left out of the log; where not, `probability` is that one is wrong (None: by the data). `stage`
+    hears what is looked at next.
     """
     stage("verdict on the fit")
     judged = verdict(log, joined, at)
@@ -79,7 +81,7 @@ def assess(
     suspected = known
     if known is None and submaps:
         stage("suspicions")
-        suspected = suspected_beside(judged.causes, log, submaps, joined)
+        suspected = suspected_beside(judged.causes, log, submaps, joined, seen)
         if suspected is not None and wrong is not None and not judged.gross:
             suspected = suspected.beside(fits_of(wrong.glance), submaps)
     stage("weak directions")
@@ -87,14 +89,18 @@ def assess(
 
 
 def suspected_beside(
-    causes: Sequence[Cause], log: Dataset, submaps: Sequence[Submap], joined: Joined
+    causes: Sequence[Cause],
+    log: Dataset,
+    submaps: Sequence[Submap],
+    joined: Joined,
+    seen: Suspicions | None = None,
 ) -> Suspicions | None:
     """Who and what is suspicious beside causes that explain a misfit: each that can be taken out of the log is, and the
     rest is judged. Nobody is accused of what may be left of his own cause, and that nobody can say who is wrong is not
-    said: somebody could. None where nothing can be made of the rest."""
+    said: somebody could. None where nothing can be made of the rest. `seen`: what is suspicious without any cause."""
     mends = [cause.mend for cause in causes if cause.mend is not None]
     if not mends:
-        return suspicions(log, submaps, joined)
+        return suspicions(log, submaps, joined) if seen is None else seen
     try:
         for mend in mends:
             log = mend(log)

@@ -13,7 +13,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array
 from teamslam.model import chi2_quantile
-from teamslam.viz.frame import legend_beside, log_scale, panel, panels
+from teamslam.viz.frame import legend_beside, log_scale, panel, panels, ruled
 from teamslam.viz.scene import CONFIDENCE
 from teamslam.viz.style import INK, NARROW, QUIET, name, robot_colour, seen, styled
 
@@ -76,11 +76,11 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
                 axes.set_axis_off()
         last = grid[max(rows.index(label) for label in track.axes), column]
         last.set_xlabel(time)
-        last.tick_params(labelbottom=True)
     for axes, label in zip(grid, rows, strict=True):
         axes[0].set_ylim(*_limits([(track, track.axes[label]) for track in shown if label in track.axes]))
         first = next(column for column, track in enumerate(shown) if label in track.axes)
         axes[first].set_ylabel(label)
+    ruled(grid)
     return figure
 
 

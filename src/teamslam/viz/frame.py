@@ -8,7 +8,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from teamslam.viz.style import INK, plain
+import numpy as np
+
+from teamslam.viz.style import INK, RC, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +35,8 @@ def panel(size: tuple[float, float], title: str, caption: str) -> "tuple[Figure,
 
 
 def panels(rows: int, headings: Sequence[str], *, row_height: float, title: str, caption: str) -> "tuple[Figure, Any]":
-    """A figure with panels (rows, columns) that share the axes of their row and column; a column for each heading."""
+    """A figure with panels (rows, columns) that share the axes of their row and column; a column for each heading. To
+    be `ruled` at the end."""
     from matplotlib.figure import Figure
 
     columns = len(headings)
@@ -49,6 +52,38 @@ def panels(rows: int, headings: Sequence[str], *, row_height: float, title: str,
     figure.subplots_adjust(wspace=BETWEEN / across, hspace=BETWEEN / row_height)
     _margins(figure, title, above)
     return figure, grid
+
+
+def ruled(grid: Any) -> None:
+    """Once all is drawn in panels that share axes: ticks at the outermost panel of each row and column that is used,
+    and in the others the lines of the grid alone, as one collection. Ticks of their own, each three lines and two
+    words, would take most of the time that such a figure does."""
+    from matplotlib.collections import LineCollection
+
+    lowest = [next((axes for axes in column[::-1] if axes.axison), None) for column in grid.T]
+    first = [next((axes for axes in row if axes.axison), None) for row in grid]
+    for (row, column), axes in np.ndenumerate(grid):
+        if not axes.axison:
+            continue
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        lines: list[Any] = []
+        if axes is not lowest[column]:
+            lines += [((x, low), (x, high)) for x in _between(axes.xaxis, left, right)]
+            axes.xaxis.set_visible(False)
+        if axes is not first[row]:
+            lines += [((left, y), (right, y)) for y in _between(axes.yaxis, low, high)]
+            axes.yaxis.set_visible(False)
+        look = {"colors": RC["grid.color"], "linewidths": RC["grid.linewidth"], "zorder": 0.5}
+        axes.add_collection(LineCollection(lines, **look), autolim=False)
+    for axes in filter(None, lowest):
+        axes.tick_params(labelbottom=True)
+    for axes in filter(None, first):
+        axes.tick_params(labelleft=True)
+
+
+def _between(axis: Any, low: float, high: float) -> list[float]:
+    """Where an axis has its ticks."""
+    return [at for at in axis.get_majorticklocs().tolist() if low <= at <= high]
 
 
 def _margins(figure: "Figure", title: str, above: float) -> None:

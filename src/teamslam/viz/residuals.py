@@ -13,7 +13,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
 from teamslam.viz.errors import MOST_ROBOTS, TIME
-from teamslam.viz.frame import legend_beside, log_scale, panel, panels, room_below
+from teamslam.viz.frame import legend_beside, log_scale, panel, panels, room_below, ruled
 from teamslam.viz.style import INK, QUIET, name, plain, robot_colour, robot_marker, styled
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def draw_residuals(tracks: Sequence[ResidualTrack], title: str = "", caption: st
         axes.set_ylabel(f"{plain(source, 30)} [sigma]")
         log_scale(axes)
         axes.set_ylim(LEAST, 2.0 * max(top, 5.0))
+    ruled(grid)
     return figure
 
 
