@@ -15,7 +15,7 @@ from teamslam.joining import build, exact_join, full, join, split
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.place import place
 from teamslam.joining.place.ties import MOST, Tied, turned_about
-from teamslam.model import MODELS, Dataset, Submap, Table, pose_key
+from teamslam.model import MODELS, Dataset, Loss, Submap, Table, pose_key
 from worlds import team
 
 EXACT = 1e-6  # as noise: far below what any test asks for
@@ -115,6 +115,21 @@ def test_very_many_rows_are_thinned_evenly() -> None:
     (tie,) = truss_of(bodies, [True, True], tables).tied.ties
     assert len(tie) == MOST
     assert np.abs(np.diff(tie.table.ids) - 5).max() <= 1
+
+
+@pytest.mark.parametrize("model", ["range", "bearing", "range_bearing", "point"])
+def test_rows_in_many_tables_are_looked_at_together(model: str) -> None:
+    """A look at a table takes its time whether it has one row or a hundred; what is found is the same."""
+    rng = np.random.default_rng(3)
+    bodies, (table,) = two_ways(rng, 2, random_poses(rng, 2, turn=3.0), model)
+    many = [table.select(slice(n, n + 3)) for n in range(0, len(table), 3)]
+    uneven = [replace(t, whitening=np.repeat(t.whitening, 3, 0)) if n % 2 else t for n, t in enumerate(many)]
+    forgiven = table.select(slice(0, 3)).with_loss(Loss("cauchy", 1.0))
+    few = truss_of(bodies, [True, True], [*uneven[1:], forgiven]).tied.ties
+    assert [len(tie) for tie in few] == [len(table) - 3, 3] and few[1].table.loss == forgiven.loss
+    found, known = seen_in_common(bodies, uneven, 2), seen_in_common(bodies, [table], 2)
+    for one, other in zip(found, known, strict=True):
+        assert np.abs(one[1].minus(other[1])).max() < 1e-6
 
 
 # --- teams --------------------------------------------------------------------------------------------------------

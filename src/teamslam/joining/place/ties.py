@@ -15,12 +15,13 @@ target's twist does is all there is to differentiate. Besides the bodies that ar
 What two bodies both know ties them too: a measured difference of nothing.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, lift_points, so3
+from teamslam.joining.place.alike import kind_of, together
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.robust_fit import PLACE_SIGMA, TURN_SIGMA
 from teamslam.joining.start.triangulate import kinds_of
@@ -70,6 +71,19 @@ class Ties:
             self.table.select(index), self.ends[:, index], self.seen_from[index], self.there[index],
             self.place_variances[:, index], self.turn_variances[:, index],
         )  # fmt: skip
+
+    @classmethod
+    def together(cls, ties: Sequence["Ties"]) -> "Ties":
+        """Rows of several tables of one kind (see `kind_of`)."""
+        if len(ties) == 1:
+            return ties[0]
+        parts = [(t.ends, t.place_variances, t.turn_variances) for t in ties]
+        ends, places, turns = (np.concatenate(each, 1) for each in zip(*parts, strict=True))
+        seen_from, there = (
+            Pose(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
+            for poses in ([t.seen_from for t in ties], [t.there for t in ties])
+        )
+        return cls(together([t.table for t in ties]), ends, seen_from, there, places, turns)
 
     def spread(self, count: int) -> "Ties":
         """So many rows at most, evenly taken."""
@@ -124,6 +138,14 @@ class Ties:
     def _swung(self, observer: Pose, target: Pose, slopes: Array) -> Array:
         """Slopes (s, m, rows, 3) by the observer's turn, but for the sign."""
         return turned_about(slopes, target.translation - observer.translation)[..., 3:]
+
+
+def _few(ties: Iterable[Ties]) -> list[Ties]:
+    """The same rows in as few tables as can hold them, those that nothing measured apart."""
+    alike: dict[Hashable, list[Ties]] = {}
+    for tie in ties:
+        alike.setdefault((tie.measured, kind_of(tie.table)), []).append(tie)
+    return [Ties.together(same) for same in alike.values()]
 
 
 def turned_about(slopes: Array, arms: Array, unit: float = 1.0) -> Array:
@@ -181,7 +203,7 @@ class Tied:
         index = self.index.renumbered(new)
         ties = [t for t in (*measured, *index.common()) if len(t)]
         ties = [t.spread(max(most // len(ties), FEWEST)) for t in ties]
-        return Tied(len(places), self.moves[order], ties, index)
+        return Tied(len(places), self.moves[order], _few(ties), index)
 
     def meetings(self) -> Array:
         """How many rows, and things that both know, tie each two of all bodies: (n, n), symmetric."""
