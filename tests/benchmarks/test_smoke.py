@@ -69,3 +69,18 @@ def test_mapping_while_driving_stands_beside_smoothers(tmp_path: Path) -> None:
     rows = {row["solver"]: row for row in json.loads(out.read_text())["rows"]}
     assert set(rows) == {"teamslam", "isam2", "fixed_lag"}
     assert rows["teamslam"]["online_rmse_m"] <= 1.05 * rows["isam2"]["online_rmse_m"]
+
+
+def test_corners_are_told_as_they_come_and_who_does_not_end_is_absent(tmp_path: Path) -> None:
+    out = tmp_path / "rows.json"
+    command = [sys.executable, "benchmarks/corners.py", "--frames", "60", "--tags", "12", "--rounds", "1"]
+    command += ["--solvers", "teamslam", "--json", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(out.read_text())["rows"]
+    assert row["solver"] == "teamslam" and row["tags_mm"] < 30.0
+    done = subprocess.run([*command, "--limit", "0"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(out.read_text())
+    assert report["absent"] == {"teamslam": "no result in 0 s"} and not report["rows"]
+    assert "teamslam: no result in 0 s" in done.stdout
