@@ -15,6 +15,7 @@ from teamslam.joining.join import (
     join_by_tree,
     join_sequentially,
 )
+from teamslam.joining.start.from_map import from_map
 
 __all__ = [
     "ORDERS",
@@ -36,6 +37,7 @@ __all__ = [
     "cost_of",
     "exact_join",
     "expand",
+    "from_map",
     "full",
     "join",
     "join_by_tree",

@@ -10,6 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+import numpy as np
+
 from teamslam.config import Config
 from teamslam.errors import InputError, SolveError
 from teamslam.joining import (
@@ -20,6 +22,7 @@ from teamslam.joining import (
     build_choices,
     build_with_solution,
     exact_join,
+    from_map,
     full,
     split,
 )
@@ -35,30 +38,36 @@ LONG = 5000  # rows of a piece from which on its computing outweighs the Python 
 
 
 def mapped(
-    log: Dataset, config: Config, workers: Workers | None, work: Path | None, clock: Clock
+    log: Dataset, config: Config, workers: Workers | None, work: Path | None, clock: Clock, near: Joined | None = None
 ) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
-    """The pieces of a log, their submaps and the map that these join to; for full least squares the map alone."""
+    """The pieces of a log, their submaps and the map that these join to; for full least squares the map alone. `near`:
+    a map of the same log that is known, from which all of them start (workers begin from their own)."""
     submaps: tuple[Submap, ...] = ()
     pieces: list[Dataset] = []
     if config.method == "full":
         clock.start("full least squares")
-        joined = full(log, options=config.solver)
+        joined = full(log, initial=near if near is not None and _has_all(near, log) else None, options=config.solver)
     elif workers is not None:
         pieces = pieces_of(log, config)
         submaps, joined, unbuilt = _on_workers(pieces, workers, work, config.solver, clock)
         joined = _with_books(log, joined, unbuilt, ())
     elif config.join.exact:
-        submaps, joined = _in_rounds(log, config, clock)
+        submaps, joined = _in_rounds(log, config, clock, near)
     else:
         pieces = pieces_of(log, config)
         clock.start("building submaps", len(pieces))
-        built = clock.each(_each(pieces, lambda piece: _build(piece, config.solver)))
+        built = clock.each(_each(pieces, lambda piece: _build(piece, config.solver, near)))
         whole = _whole(built)
         submaps, remarks = tuple(submap for submap, _ in whole), [remark for _, remark in whole]
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
         joined = _with_books(log, joined, built, [r for r in remarks if r])
     return pieces, submaps, joined
+
+
+def _has_all(joined: Joined, log: Dataset) -> bool:
+    """Whether everything that a log names is in one of the maps."""
+    return bool(np.isin(log.layout.keys, np.concatenate([submap.keys for submap in joined.maps])).all())
 
 
 def refuse_workers(config: Config, *, calibrate: bool = False) -> None:
@@ -88,11 +97,11 @@ def submaps_of(log: Dataset, config: Config) -> list[Submap]:
     return [submap for submap, _ in _whole(built)]
 
 
-def _in_rounds(log: Dataset, config: Config, clock: Clock) -> tuple[tuple[Submap, ...], Joined]:
+def _in_rounds(log: Dataset, config: Config, clock: Clock, near: Joined | None) -> tuple[tuple[Submap, ...], Joined]:
     """Submaps built and joined exactly, from the best that can be built of each piece."""
     pieces = pieces_of(log, config)
     clock.start("building submaps", len(pieces))
-    built = clock.each(_each(pieces, lambda piece: build_choices(piece, options=config.solver)))
+    built = clock.each(_each(pieces, lambda piece: _choices(piece, config.solver, near)))
     choices = _whole(built)
     clock.start("joining in rounds")
     joined = exact_join(
@@ -139,9 +148,18 @@ def _whole(built: Sequence[T | Unbuilt]) -> list[T]:
     return made
 
 
-def _build(piece: Dataset, options: Options) -> tuple[Submap, str]:
+def _choices(piece: Dataset, options: Options, near: Joined | None) -> list[Submap]:
+    """The submaps of a piece to start from: that which the map leads to that is known, else all that it may be."""
+    start = None if near is None else from_map(piece, near.maps)
+    if start is None:
+        return build_choices(piece, options=options)
+    return [build_with_solution(piece, options=options, near=start)[0]]
+
+
+def _build(piece: Dataset, options: Options, near: Joined | None = None) -> tuple[Submap, str]:
     """The submap of a piece, and what is to be remarked of it."""
-    submap, solution = build_with_solution(piece, options=options)
+    start = None if near is None else from_map(piece, near.maps)
+    submap, solution = build_with_solution(piece, options=options, near=start)
     if solution.converged:
         return submap, ""
     return submap, f"submap {submap.id} stopped {solution.decrement:.2g} sigma from its optimum, and is used as it is"

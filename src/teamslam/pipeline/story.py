@@ -72,8 +72,10 @@ def _told(
     dataset = dataset if found is None else found.log
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
     try:
+        as_it_is = log
         log, decisions, suspected = cleared(log, config, clock)
-        pieces, submaps, joined = mapped(log, config, workers, work, clock)
+        near = found.joined if found is not None and log is as_it_is else None
+        pieces, submaps, joined = mapped(log, config, workers, work, clock, near)
         if found is not None and workers is None:
             joined = carrying_unknowns(joined, log, found)
     except SolveError as error:

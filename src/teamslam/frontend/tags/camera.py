@@ -21,6 +21,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray, s2
 
 STEPS = 20  # of the inversions, which are Newton's: quadratic near the answer
+STANDS = 1e-10  # of where a point is: it stands once its step is below that
 PIXEL = 1e-3  # how well an inversion must bring a pixel back
 GROWS = (
     0.1  # of the area at its centre: a model that spreads the image less than that is near its end, and says nothing
@@ -131,15 +132,31 @@ def _ray(model: str, flat: Array) -> Array:
 
 
 def _undistorted(distort: Callable[[Array, Array], Array], wanted: Array, numbers: Array) -> tuple[Array, BoolArray]:
-    """Newton's method for distort(x) = wanted, from x = wanted; and where the model still grows outwards there."""
-    flat, step = wanted.copy(), 1e-6
-    good = np.ones(flat.shape[:-1], bool)
+    """Newton's method for distort(x) = wanted, from x = wanted, each until it stands; and where the model still grows
+    outwards there."""
+    goal = wanted.reshape(-1, 2)
+    flat, good = goal.copy(), np.ones(len(goal), bool)
+    moving = np.arange(len(goal))
     for _ in range(STEPS):
-        columns = [(distort(flat + d, numbers) - distort(flat - d, numbers)) / (2.0 * step) for d in step * np.eye(2)]
-        J = np.stack(columns, -1)
-        good = np.linalg.det(J) > GROWS
-        J = np.where((np.linalg.det(J) > 1e-9)[..., None, None], J, np.eye(2))
-        move = np.linalg.solve(J, (wanted - distort(flat, numbers))[..., None])[..., 0]
-        length = np.linalg.norm(move, axis=-1, keepdims=True)
-        flat = flat + move * np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))
-    return flat, good
+        if not len(moving):
+            break
+        here = flat[moving]
+        a, b, c, d = _slopes(distort, here, numbers)
+        area = a * d - b * c
+        good[moving] = area > GROWS
+        off = goal[moving] - distort(here, numbers)
+        inside = area > 1e-9
+        area = np.where(inside, area, 1.0)
+        solved = np.stack([d * off[:, 0] - b * off[:, 1], a * off[:, 1] - c * off[:, 0]], -1) / area[:, None]
+        move = np.where(inside[:, None], solved, off)
+        length = np.linalg.norm(move, axis=-1)
+        flat[moving] = here + move * np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))[:, None]
+        moving = moving[~(length < STANDS * (1.0 + np.abs(here).max(-1)))]
+    return flat.reshape(wanted.shape), good.reshape(wanted.shape[:-1])
+
+
+def _slopes(distort: Callable[[Array, Array], Array], flat: Array, numbers: Array) -> tuple[Array, Array, Array, Array]:
+    """The derivatives (n,) of a distortion, row by row, by differences."""
+    step = 1e-6
+    one, other = ((distort(flat + d, numbers) - distort(flat - d, numbers)) / (2.0 * step) for d in step * np.eye(2))
+    return one[:, 0], other[:, 0], one[:, 1], other[:, 1]

@@ -24,23 +24,25 @@ from itertools import combinations
 import numpy as np
 
 from teamslam.frontend.streams import TICKS_PER_S
-from teamslam.frontend.tags.visits import VisitMap, Visits, map_of
+from teamslam.frontend.tags.visits import BREAK_S, VisitMap, Visits, map_of
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, align
 from teamslam.model import Table, is_landmark
 
 SLACK_M, SLACK, SIGMAS = 0.5, 0.15, 4.0
 BESIDE_S = 20.0  # before and after a visit: what else is seen there
 FEWEST, NEAREST = 3, 6  # tags that agree, to decide; and those that are asked
+BESIDE = round(BREAK_S / 3.0 * TICKS_PER_S)  # of a visit, at which there is no other of the same tag
 
 
 @dataclass(frozen=True)
 class Place:
     """One of the places of a tag: its key, which of its places (from 1, in time), and the spans [ticks] in which it was
-    seen there and nowhere else between."""
+    seen there and nowhere else between; what is seen `beside_ticks` before or after them is of it, too."""
 
     tag: int
     number: int
     visits: tuple[tuple[int, int], ...]
+    beside_ticks: int = 0
 
 
 def places_of_tags(tables: Sequence[Table]) -> list[Place]:
@@ -57,11 +59,11 @@ def places_of_tags(tables: Sequence[Table]) -> list[Place]:
     places = []
     for tag in np.unique(visits.tag).tolist():
         own = np.flatnonzero(visits.tag == tag)
-        places += places_in_time(int(tag), visits.start[own], visits.stop[own], told.seats(own))
+        places += places_in_time(int(tag), visits.start[own], visits.stop[own], told.seats(own), BESIDE)
     return places
 
 
-def places_in_time(tag: int, starts: IntArray, stops: IntArray, seat: IntArray) -> list[Place]:
+def places_in_time(tag: int, starts: IntArray, stops: IntArray, seat: IntArray, beside_ticks: int = 0) -> list[Place]:
     """A tag's places, where there are several: which `seat` (k,) it had, from start to stop (k,), in the order of
     time."""
     held = np.unique(seat)
@@ -70,7 +72,7 @@ def places_in_time(tag: int, starts: IntArray, stops: IntArray, seat: IntArray) 
     first = np.append(True, np.diff(seat) != 0)
     spans = list(zip(seat[first], starts[first].tolist(), stops[np.append(first[1:], True)].tolist(), strict=True))
     return [
-        Place(tag, number, tuple((start, stop) for of, start, stop in spans if of == place))
+        Place(tag, number, tuple((start, stop) for of, start, stop in spans if of == place), beside_ticks)
         for number, place in enumerate(held.tolist(), 1)
     ]
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from teamslam.frontend.tags.whole_poses import voted
-from teamslam.geometry import IntArray
-from teamslam.model import Kind, Table, Values, is_landmark
+from teamslam.geometry import BoolArray
+from teamslam.model import Kind, Table, Values, among, is_landmark
 
 
 def turned(values: Values, tables: Sequence[Table]) -> Values | None:
@@ -19,21 +19,28 @@ def turned(values: Values, tables: Sequence[Table]) -> Values | None:
 
     Law: what it gives costs less than `values`; where every tag stands as its sightings say, it gives nothing.
     """
-    seen = [table.select(is_landmark(table.keys[:, -1])) for table in tables if table.model == "corners"]
+    seen = [table.select(_stands(values, table)) for table in tables if table.model == "corners"]
+    stand = [voted(table, values.poses_of(table.keys[:, 0], 3)) for table in seen]
     found = values
-    for key in np.unique(np.concatenate([np.zeros(0, np.int64), *(table.keys[:, 1] for table in seen)])):
-        if values.layout.kinds[values.layout.index(key)] != Kind.POSE3:
-            continue
+    for key in np.unique(np.concatenate([np.zeros(0, np.int64), *(keys for keys, _ in stand)])):
         rows = [table.select(table.keys[:, 1] == key) for table in seen]
-        rows = [table for table in rows if len(table)]
-        one: IntArray = np.array([key])
-        stands = (voted(table, values.poses_of(table.keys[:, 0], 3)) for table in rows)
-        others = [values.update(Values.of({Kind.POSE3: (one, pose)})) for pose in stands]
+        here = values.only(np.unique(np.concatenate([table.keys.ravel() for table in rows])))
+        others = [
+            here.update(Values.of({Kind.POSE3: (keys[keys == key], poses[np.flatnonzero(keys == key)])}))
+            for keys, poses in stand
+            if (keys == key).any()
+        ]
         best = min(others, key=lambda other: _cost(other, rows))
-        if _cost(best, rows) < _cost(values, rows):
-            found = found.update(best.only(one))
+        if _cost(best, rows) < _cost(here, rows):
+            found = found.update(best.only(np.array([key])))
     return None if found is values else found
 
 
+def _stands(values: Values, table: Table) -> BoolArray:
+    """Which rows of a table are of landmarks that are poses."""
+    poses = values.layout.keys_of(Kind.POSE3)
+    return np.asarray(is_landmark(table.keys[:, -1]) & among(table.keys[:, 1], poses))
+
+
 def _cost(values: Values, tables: Sequence[Table]) -> float:
-    return sum(float(table.loss.cost(np.sum(table.whitened(values) ** 2, -1)).sum()) for table in tables)
+    return sum(float(table.loss.cost(np.sum(table.whitened(values) ** 2, -1)).sum()) for table in tables if len(table))

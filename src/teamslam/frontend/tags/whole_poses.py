@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose
+from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.geometry.resection import resect, slopes
 from teamslam.model import Kind, Table, pack, unpack, whitening_of_information
 
@@ -45,12 +45,26 @@ def as_relative_poses(table: Table) -> Table:
     return replace(table, model="relative_pose", values=pack(best), whitening=noise)
 
 
-def voted(table: Table, observers: Pose) -> Pose:
-    """Where the one target of all rows of a table stands (1,), seen from `observers` (m,) in space: of all that some of
-    the rows may stand for, what they agree with best. Squared residuals count up to CUT: a misread has one voice."""
-    some = np.unique(np.linspace(0, len(table) - 1, min(MOST, len(table))).astype(int))
-    part, eyes = table.select(some), observers[some]
+def voted(table: Table, observers: Pose) -> tuple[IntArray, Pose]:
+    """The targets (t,) of a table and where each stands (t,), seen from `observers` (m,) in space: of all that some of
+    its rows may stand for, what they agree with best. Squared residuals count up to CUT: a misread has one voice."""
+    targets, of = np.unique(table.keys[:, 1], return_inverse=True)
+    order = np.argsort(of, kind="stable")
+    each = np.split(order, np.searchsorted(of[order], np.arange(1, len(targets))))
+    some = [rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, len(rows))).astype(int))] for rows in each]
+    asked = np.concatenate([np.zeros(0, np.int64), *some])
+    part, eyes = table.select(asked), observers[asked]
     poses, costs = hypotheses(part)
+    ends = np.cumsum([len(rows) for rows in some])
+    stand = [
+        _agreed(part.select(rows), eyes[rows], poses[rows], costs[rows])
+        for rows in (np.arange(end - len(own), end) for own, end in zip(some, ends.tolist(), strict=True))
+    ]
+    return targets, concatenate(stand) if stand else Pose.identity(3, (0,))
+
+
+def _agreed(part: Table, eyes: Pose, poses: Pose, costs: Array) -> Pose:
+    """Of what the rows of one target may stand for (k, 2), seen from `eyes` (k,), that on which they agree best."""
     which, hypothesis = np.nonzero(np.isfinite(costs))
     tried = eyes[which] @ Pose(poses.rotation[which, hypothesis], poses.translation[which, hypothesis])
     c, k = len(tried), len(part)

@@ -152,7 +152,8 @@ class Seen:
 
         def at(tag: Tag, tick: int) -> Tag:
             for name, place in () if tag.is_robot else names.get(landmark_number(tag.carrier), ()):
-                if any(start - merged <= tick <= stop + merged for start, stop in place.visits):
+                about = merged + place.beside_ticks
+                if any(start - about <= tick <= stop + about for start, stop in place.visits):
                     return replace(tag, carrier=name)
             return tag
 

@@ -85,8 +85,10 @@ class Recordings:
     dropped: tuple[Dropped, ...]
     notes: tuple[str, ...]
 
-    def log(self, values: Array) -> Dataset:
-        """The log, were what is stated `values`."""
+    def log(self, values: Array, visits: Mapping[int, list[Place]] | None = None) -> Dataset:
+        """The log, were what is stated `values`. `visits`: the places of each robot's tags that their visits told when
+        it was read before; visits are told by maps of their own, and what is stated changes nothing of which is which.
+        """
         book = Book()
         file = file_with(self.file, self.stated, values)
         team = [robot.used() for robot in team_with(self.told, file)]
@@ -95,13 +97,18 @@ class Recordings:
         tables: list[Table] = []
         called: dict[int, str] = {}
         named: list[Seen] = []
+        by_visits: dict[int, list[Place]] = {}
         for robot in team:
             number = numbers[robot.entry.name]
             way = [] if robot.track is None else way_of(robot, number, keyframes[number], book)
-            robot = robot.with_places(_places(sightings_of(robot, team, keyframes, file), way), called, book)
+            seen = sightings_of(robot, team, keyframes, file)
+            by_way = places_by_way(seen, way)
+            by_visits[number] = _by_visits(seen, by_way) if visits is None else visits[number]
+            places = _together(by_way, by_visits[number])
+            robot = robot.with_places(places, called, book)
             named.append(robot)
             tables += way if robot.track is not None else way_of(robot, number, keyframes[number], book)
-            tables += sightings_of(robot, team, keyframes, file)
+            tables += sightings_of(robot, team, keyframes, file) if places else seen
         if not any(table.source != "odometry" for table in tables):
             raise InputError("no tag was seen in any image; check topics and calibrations", path=self.path)
         landmarks = called | {landmark_number(entry.name): entry.name for entry in file.landmark}
@@ -113,7 +120,7 @@ class Recordings:
             dropped=(*self.dropped, *book.dropped),
             notes=(*self.notes, *book.notes),
             origin=str(self.path),
-            unknowns=Reading(self, values, tuple(tables), file, tuple(team), tuple(named), keyframes),
+            unknowns=Reading(self, values, tuple(tables), file, tuple(team), tuple(named), keyframes, by_visits),
         )
         return replace(log, truth=_truth(team, file, log, {}))
 
@@ -121,7 +128,8 @@ class Recordings:
 @dataclass(frozen=True, eq=False)
 class Reading:
     """The unknowns of a log of recordings (`teamslam.model.Unknowns`), whose `tables` were made by the `file` that
-    states `values`: those sightings that are `used`, with tags `named` as they are in the log."""
+    states `values`: those sightings that are `used`, with tags `named` as they are in the log, by the places that
+    `visits` told."""
 
     recordings: Recordings
     values: Array
@@ -130,6 +138,7 @@ class Reading:
     used: tuple[Seen, ...]
     named: tuple[Seen, ...]
     keyframes: Mapping[int, IntArray]
+    visits: Mapping[int, list[Place]]
 
     @property
     def each(self) -> tuple[Unknown, ...]:
@@ -138,7 +147,7 @@ class Reading:
 
     def again(self, values: Array) -> Dataset:
         """The log, were they others."""
-        return self.recordings.log(values)
+        return self.recordings.log(values, self.visits)
 
     @property
     def truths(self) -> dict[int, tuple[IntArray, Array]]:
@@ -178,11 +187,16 @@ class Reading:
         return [(part, bases := part.tables(self.used, loss), part.standing(bases[0])) for part in parts]
 
 
-def _places(sightings: Sequence[Table], way: Sequence[Table]) -> list[Place]:
-    """The places of a robot's tags that stand at several: by the way that it drove, then, of the others, by visits."""
-    found = places_by_way(sightings, way)
-    told = [place.tag for place in found]
-    return found + places_of_tags([table.select(~np.isin(table.keys[:, 1], told)) for table in sightings])
+def _by_visits(sightings: Sequence[Table], by_way: Sequence[Place]) -> list[Place]:
+    """The places of a robot's tags that stand at several by their visits, of those that its way does not tell."""
+    told = [place.tag for place in by_way]
+    return places_of_tags([table.select(~np.isin(table.keys[:, 1], told)) for table in sightings])
+
+
+def _together(by_way: list[Place], by_visits: Sequence[Place]) -> list[Place]:
+    """The places of all tags: of those that the way that was driven tells, as it has them."""
+    told = {place.tag for place in by_way}
+    return by_way + [place for place in by_visits if place.tag not in told]
 
 
 def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, IntArray]:

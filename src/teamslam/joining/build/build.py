@@ -18,8 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from teamslam.errors import SolveError
-from teamslam.joining.build.problem import ROUGH, Problem, apart, the_robot
-from teamslam.joining.start.starts import starts
+from teamslam.joining.build.problem import ROUGH, Begun, Problem, apart
 from teamslam.model import Dataset, Submap, Values, is_landmark
 from teamslam.solver import Options, Solution, Step, System, convex_start, firm, optimise, reach, refuse_rounding
 from teamslam.solver.optimise import DEFAULTS
@@ -56,7 +55,7 @@ def build_with_solution(
     near: Values | None = None,
 ) -> tuple[Submap, Solution]:
     """`build`, and the solver's account of it; from one start, if an estimate `near` the optimum is known."""
-    return next(_usable_optima(piece, id, version, options, progress, near))
+    return next(_usable_optima(piece, Begun.of(piece, near), id, version, options, progress))
 
 
 def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -66,7 +65,7 @@ def build_alternatives(piece: Dataset, *, options: Options = DEFAULTS) -> list[S
     them is right may show only when the team's submaps meet. All have one id: a join takes one of them. Raises as
     `build` does.
     """
-    return [submap for submap, _ in _usable_optima(piece, None, 0, options, None)]
+    return [submap for submap, _ in _usable_optima(piece, Begun.of(piece), None, 0, options, None)]
 
 
 def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap]:
@@ -78,12 +77,12 @@ def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap
     none is found, it is as near as was come, or the robot's way alone. Raises ModelError as `build` does, SolveError
     where not even that holds.
     """
-    robot = the_robot(piece)
-    optima = [submap for submap, _ in _optima(piece, None, 0, options, None)]
-    guesses, keys = starts(piece, robot), optima[0].values.layout.keys
-    if len(guesses) < 2:
+    begun = Begun.of(piece)
+    optima = [submap for submap, _ in _optima(piece, begun, None, 0, options, None)]
+    keys = optima[0].values.layout.keys
+    if len(begun.guesses) < 2:
         return optima
-    return optima + [replace(optima[0], values=g.only(keys)) for g in guesses if g.layout.contains(keys).all()]
+    return optima + [replace(optima[0], values=g.only(keys)) for g in begun.guesses if g.layout.contains(keys).all()]
 
 
 Optima = Iterator[tuple[Submap, Solution]]
@@ -91,19 +90,19 @@ Optima = Iterator[tuple[Submap, Solution]]
 
 def _usable_optima(
     piece: Dataset,
+    begun: Begun,
     id: str | None,
     version: int,
     options: Options,
     progress: Callable[[Step], None] | None,
-    near: Values | None = None,
 ) -> Optima:
     """As `_optima`; where the lowest is too far from its optimum to stand for it, the robot's way alone."""
-    found = _optima(piece, id, version, options, progress, near)
+    found = _optima(piece, begun, id, version, options, progress)
     first = next(found)
     if not usable(first[1]):
         problem = SolveError(_not_converged(first[1]))
         try:
-            found = _descended(Problem.bare(piece, near), id, version, options, progress)
+            found = _descended(Problem.bare(piece, begun), id, version, options, progress)
             first = next(found)
         except SolveError:
             raise problem from None
@@ -115,11 +114,11 @@ def _usable_optima(
 
 def _optima(
     piece: Dataset,
+    begun: Begun,
     id: str | None,
     version: int,
     options: Options,
     progress: Callable[[Step], None] | None,
-    near: Values | None = None,
 ) -> Optima:
     """The local optima of a piece as submaps, lowest first.
 
@@ -127,12 +126,12 @@ def _optima(
     what one piece cannot tell the team may. Raises SolveError where there is not even that.
     """
     try:
-        yield from _descended(Problem.of(piece, near=near), id, version, options, progress)
+        yield from _descended(Problem.of(piece, begun), id, version, options, progress)
         return
     except SolveError as error:
         problem = error
     try:
-        yield from _descended(Problem.bare(piece, near), id, version, options, progress)
+        yield from _descended(Problem.bare(piece, begun), id, version, options, progress)
     except SolveError:
         raise problem from None
 
@@ -143,8 +142,7 @@ def _descended(
     """The local optima of a problem as submaps, lowest first. Raises SolveError where there is none."""
     while True:
         try:
-            known = problem.near is not None
-            found = problem.guesses if known else _distinct(problem.system, problem.guesses, options)
+            found = problem.guesses if problem.begun.near else _distinct(problem.system, problem.guesses, options)
             first = reach(problem.system, found[0], options, progress)
             if first.senseless:
                 first = min([first, *problem.driven(options, progress)], key=lambda solution: solution.cost)

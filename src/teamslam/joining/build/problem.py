@@ -41,48 +41,56 @@ TURNS = 4  # times that tags are turned, where turning some shows others
 
 
 @dataclass(frozen=True, eq=False)
+class Begun:
+    """What a piece is solved from: `guesses` of its variables (see `starts`), or one estimate that is `near` the
+    optimum. They are made once, whatever of the piece turns out to travel raw."""
+
+    guesses: Sequence[Values]
+    near: bool = False
+
+    @classmethod
+    def of(cls, piece: Dataset, near: Values | None = None) -> "Begun":
+        """From an estimate, else from a piece's own measurements. Raises ModelError where they are not one robot's."""
+        robot = the_robot(piece)
+        for table in piece.tables:
+            refuse_borrowed(table, piece.names)
+        return cls(starts(piece, robot)) if near is None else cls([near], near=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
-    """The least squares of one piece: its `system`, the rows that travel `raw`, what to start from, landmarks that were
-    found `loose`, and an estimate `near` the optimum where one is known."""
+    """The least squares of one piece: its `system`, the rows that travel `raw`, the `guesses` of what the system holds,
+    what it was `begun` from, and landmarks that were found `loose`."""
 
     piece: Dataset
     base: int
     system: System
     raw: Sequence[Table]
     guesses: Sequence[Values]
+    begun: Begun
     loose: IntArray
-    near: Values | None = None
 
     @classmethod
-    def of(
-        cls,
-        piece: Dataset,
-        loose: IntArray = np.zeros(0, np.int64),  # noqa: B008
-        near: Values | None = None,
-    ) -> "Problem":
-        """The problem of a piece in the frame of its first pose; what an estimate `near` its optimum does not hold
-        travels raw."""
+    def of(cls, piece: Dataset, begun: Begun, loose: IntArray = np.zeros(0, np.int64)) -> "Problem":  # noqa: B008
+        """The problem of a piece in the frame of its first pose; what a start does not hold travels raw."""
         robot = the_robot(piece)
-        for table in piece.tables:
-            refuse_borrowed(table, piece.names)
         poses = own_chain(piece, robot)
-        guesses = starts(piece, robot) if near is None else [near]
-        known = guesses[0].layout
+        known = begun.guesses[0].layout
         inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
         held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
-        guesses = [guess.only(held) for guess in guesses if guess.layout.contains(held).all()]
+        guesses = [guess.only(held) for guess in begun.guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
-        return cls(piece, int(poses[0]), system, raw, guesses, loose, near)
+        return cls(piece, int(poses[0]), system, raw, guesses, begun, loose)
 
     def without(self, keys: IntArray) -> "Problem":
         """The same in which sightings of some landmarks more travel raw."""
-        return Problem.of(self.piece, np.append(self.loose, keys), self.near)
+        return Problem.of(self.piece, self.begun, np.append(self.loose, keys))
 
     @classmethod
-    def bare(cls, piece: Dataset, near: Values | None = None) -> "Problem":
+    def bare(cls, piece: Dataset, begun: Begun) -> "Problem":
         """The problem of the robot's own way, in which nothing that was seen from it takes part."""
         own = own_chain(piece, the_robot(piece))
-        return cls.of(piece, np.setdiff1d(piece.layout.keys, own), near)
+        return cls.of(piece, begun, np.setdiff1d(piece.layout.keys, own))
 
     def driven(self, options: Options, progress: Callable[[Step], None] | None) -> list[Solution]:
         """The optimum from the way solved part by part, where it leads to one."""

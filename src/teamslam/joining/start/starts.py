@@ -37,8 +37,13 @@ def starts(piece: Dataset, robot: int) -> list[Values]:
     There are several where it cannot be told which of them is nearest to the best optimum. Raises ModelError where the
     robot's own relative poses do not hang together.
     """
+    return [with_targets(way, piece, robot) for way in ways(piece, robot)]
+
+
+def with_targets(way: Values, piece: Dataset, robot: int) -> Values:
+    """A robot's way with all that its sightings fix from there."""
     kinds = local_kinds(piece.layout, piece.robots[robot])
-    return [triangulate(place_targets(way, piece.tables, kinds), piece.tables) for way in ways(piece, robot)]
+    return triangulate(place_targets(way, piece.tables, kinds), piece.tables)
 
 
 def reckoned(piece: Dataset, robot: int) -> Values:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from teamslam.frontend.tags.whole_poses import as_relative_poses, tells_pose, voted
-from teamslam.geometry import Array, IntArray, Pose, concatenate, directions, lift_points
+from teamslam.geometry import Array, IntArray, Pose, directions, lift_points
 from teamslam.model import Kind, Layout, Table, Values, unpack
 
 WHOLE = ("point", "range_bearing")  # models that fix a position at once
@@ -48,8 +48,7 @@ def sightings(
         part = table.select(of_kind)
         observer = values.poses_of(part.keys[:, 0], max(kind.dim, part.dim))
         if part.model == "corners":
-            stands = concatenate([_voted(table, values, key) for key in part.keys[:, 1].tolist()])
-            seen: Pose | Array = stands.onto(kind.dim)
+            seen: Pose | Array = _voted(table, values, part.keys[:, 1]).onto(kind.dim)
         elif whole_pose:
             seen = (observer @ measured_poses(part, observer.dim)).onto(kind.dim)
         else:
@@ -58,11 +57,13 @@ def sightings(
     return found
 
 
-def _voted(table: Table, values: Values, target: int) -> Pose:
-    """Where a target stands by all its sightings from poses that have a place: one alone may stand for two poses."""
+def _voted(table: Table, values: Values, targets: IntArray) -> Pose:
+    """Where targets (k,) stand by all sightings from poses that have a place: one alone may stand for two poses."""
     whole = table.ranks == table.row.residual_rows(table.dim)
-    rows = np.flatnonzero((table.keys[:, 1] == target) & values.layout.contains(table.keys[:, 0]) & whole)
-    return voted(table.select(rows), values.poses_of(table.keys[rows, 0], 3))
+    seen = np.isin(table.keys[:, 1], targets) & values.layout.contains(table.keys[:, 0]) & whole
+    own = table.select(np.flatnonzero(seen))
+    keys, stand = voted(own, values.poses_of(own.keys[:, 0], 3))
+    return stand[np.searchsorted(keys, targets)]
 
 
 def measured_positions(table: Table) -> Array:

@@ -39,7 +39,7 @@ class Found:
 class Settled:
     """The log by the unknowns `found`, their `covariance` (k, k) beside the map, and the `rounds` that it took;
     `settled` is false where they still moved, `why` says why nothing was estimated; `known` is what each does to the
-    rows."""
+    rows, `joined` the map of the log by which they were found, None where there is none."""
 
     log: Dataset
     found: tuple[Found, ...]
@@ -48,6 +48,7 @@ class Settled:
     settled: bool
     why: str = ""
     known: Known | None = None
+    joined: Joined | None = None
 
 
 def settled(
@@ -107,7 +108,7 @@ def _settled(
         )
     )
     known = known_at(maps, effects, normal.covariance)
-    return Settled(log, found, normal.covariance, rounds, done, known=known)
+    return Settled(log, found, normal.covariance, rounds, done, known=known, joined=joined)
 
 
 def _apart(log: Dataset, options: Options, adapted: Callable[[Dataset], Dataset]) -> tuple[Dataset, Joined | None]:
