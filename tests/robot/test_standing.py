@@ -4,6 +4,8 @@ import ctypes
 import gc
 import json
 import os
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -109,6 +111,44 @@ def test_what_was_freed_in_pieces_goes_back() -> None:
     before = resident()
     give_back()
     assert before - resident() > 40e6 and len(kept) == 100
+
+
+OF_TWO_THREADS = """
+import threading, numpy as np
+from pathlib import Path
+from teamslam.given_back import share
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+def work(kept):
+    pieces = [np.ones(1000) for _ in range(5000)]
+    kept += pieces[::100]
+
+if {shared}:
+    share()
+kept = []
+thread = threading.Thread(target=work, args=(kept,))
+thread.start()
+thread.join()
+before = resident()
+work(kept)
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="the C library is not glibc")
+def test_what_one_thread_has_freed_another_takes() -> None:
+    """40 MB in pieces, first in one thread, then in another."""
+    grown = [
+        int(
+            subprocess.run(
+                [sys.executable, "-c", OF_TWO_THREADS.format(shared=s)], capture_output=True, check=True
+            ).stdout
+        )
+        for s in (False, True)
+    ]
+    assert grown[0] > 30e6 and grown[1] < 5e6
 
 
 def resident() -> int:

@@ -38,6 +38,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.errors import InputError
     from teamslam.events import Events
     from teamslam.fleet import Member
+    from teamslam.given_back import share
     from teamslam.io.files.whole import whole_file
     from teamslam.live import Mapper, begun
     from teamslam.results.fleet import joined
@@ -51,6 +52,7 @@ def among(duty: "Duty", source: "Source", address: "Address") -> int:
     from teamslam.robot.rows import head_of
     from teamslam.robot.scribe import Scribe
 
+    share()
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ended.set())
