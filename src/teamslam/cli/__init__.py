@@ -32,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _any_letter()
         gc.set_threshold(*SELDOM)
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: its threads spin more than they multiply
         os.environ["MPLBACKEND"] = "agg"  # figures are written, never shown; an unknown name would forbid the import
         from teamslam.cli.app import called
 
