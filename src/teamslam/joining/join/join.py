@@ -95,13 +95,15 @@ class Joined(Answers):
     lowest robot; `reasons` says, where there are several, why they could not be joined and what would join them.
 
     Where the `log` is at hand, `left_out` is all of it that is in no map (see `account`); `remarks` says in words what
-    is in a map though something is to be known of it, such as a submap that stopped short of its optimum."""
+    is in a map though something is to be known of it, such as a submap that stopped short of its optimum.
+    `searched`: how many sets of submaps were solved for where they lie, since no two of them hold each other."""
 
     components: tuple[Component, ...]
     reasons: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
     log: Dataset | None = None
+    searched: int = 0
 
     @property
     def map(self) -> Submap:
@@ -180,7 +182,7 @@ def _joined(
     lain = _as_lain([member.joined for member in members], near) if near else None
     placement = lain or place([member.joined for member in members], judge)
     components = [_join_cluster(members, cluster, options, progress, by_halves) for cluster in placement.clusters]
-    return Joined(tuple(components), tuple(placement.reasons))
+    return Joined(tuple(components), tuple(placement.reasons), searched=placement.searched)
 
 
 def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:

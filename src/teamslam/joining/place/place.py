@@ -56,10 +56,12 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Placement:
-    """Clusters in the order of their lowest robot; `reasons` says why there is more than one."""
+    """Clusters in the order of their lowest robot; `reasons` says why there is more than one. `searched`: how many
+    trusses were solved to find them, which takes nearly all of the time where there is one."""
 
     clusters: list[Cluster]
     reasons: list[str] = field(default_factory=list)
+    searched: int = 0
 
 
 @dataclass
@@ -143,7 +145,7 @@ class _Placing:
                     [self._frames(ordered, o) for o in same if _differ(o, body.placed)],
                 )
             )
-        return Placement(clusters, self._reasons(best))
+        return Placement(clusters, self._reasons(best), SOLVED * len(self.chains) - self._left)
 
     def _frames(self, ordered: Sequence[int], placed: dict[int, Pose]) -> list[Pose]:
         return [placed[s] @ frame for s in ordered for frame in self.chains[s][1]]

@@ -3,9 +3,10 @@
     in sightings of robots    the slips of their tables, by one robot or by all
     in a whole robot          all its lengths in another unit, all it sees and does mirrored, its clock behind
 
-A stretch of the team's log is solved with and without each, in a round at most TRIED_A_ROBOT for each robot; none where
-the residuals at the map leave no room for a mistake. Sightings of robots are first looked at from where the landmarks
-alone put the robots, where they do: there nothing is bent by the sightings in question.
+A stretch of the team's log is solved with and without each, in a round at most TRIED_A_ROBOT for each robot, and none
+any more once TRUSSES_A_ROBOT trusses were solved for each; none where the residuals at the map leave no room for a
+mistake. Sightings of robots are first looked at from where the landmarks alone put the robots, where they do: there
+nothing is bent by the sightings in question.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -36,6 +37,7 @@ TRIED, TRIED_BLINDLY = 2, 5  # slips of one sensor
 LIKELY = ("sign", "direction", "degrees", "unit", "axes")  # what is tried first, where nothing says more
 MOST_ROBOTS = 3  # that are suspected one by one
 TRIED_A_ROBOT, MOST_TRIED = 5, 20  # mistakes, of a round: for each robot of the stretch, and in all
+TRUSSES_A_ROBOT = 2  # of a round: half as many as one join may solve
 ROUNDS = 2  # mistakes that are sought, one after the other
 GAIN = 0.3  # of the excess, that each must take away
 FITS = 2.0  # times the expected cost: what costs more between robots is not explained
@@ -60,7 +62,8 @@ def mistakes_between(stretch: Dataset, order: Sequence[int]) -> list[Found]:
     for _ in range(ROUNDS):
         if not team.disagrees:
             return found
-        tried = list(islice(_tried(team, list(order)[:MOST_ROBOTS]), most))
+        trusses = TRUSSES_A_ROBOT * len(team.alone)
+        tried = list(_affordable(islice(_tried(team, list(order)[:MOST_ROBOTS]), most), trusses))
         best = likeliest(team.trial, team.due, tried)
         if best is None or best.explains < GAIN:
             return []
@@ -100,6 +103,15 @@ def may_disagree(rows: Sequence[Rows]) -> bool:
         return True
     halves = [float(np.median(r.typical)) for r in rows if len(r)]
     return max(halves, default=0.0) > HALF_OFF
+
+
+def _affordable(tried: Iterable[tuple[Mistake, Trial]], trusses: int) -> Iterator[tuple[Mistake, Trial]]:
+    """What is tried, the last of it that by which so many trusses have been solved."""
+    for mistake, trial in tried:
+        yield mistake, trial
+        trusses -= trial.searched
+        if trusses <= 0:
+            return
 
 
 def _tried(team: _Team, order: Sequence[int]) -> Iterator[tuple[Mistake, Trial]]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, IntArray
-from teamslam.joining import AtMap, build, join, split
+from teamslam.joining import AtMap, Joined, build, join, split
 from teamslam.joining.exact.gap import frame_of
 from teamslam.model import Dataset, Loss, Table, Values, robot_of
 from teamslam.solver import Options, System, optimise
@@ -29,7 +29,7 @@ from teamslam.trust.expected import expected_cost
 from teamslam.trust.residuals import beside_median
 
 ROBUST = Loss("huber", 3.0)
-QUICK = Options(max_iterations=25, decrement=0.05)
+QUICK = Options(max_iterations=25, decrement=0.05, elsewhere=False)  # what makes no sense is an answer
 FAILED = float("inf")
 MOST_PIECES = 3  # of each robot
 FEWEST = 5  # rows of a sensor that is judged by itself
@@ -99,17 +99,34 @@ class Trial:
             return ()
 
     def _starts(self) -> Iterator[tuple[Values, IntArray, list[Table]]]:
-        near = self.near.optima if self.near is not None else ()
-        if len(near) == 1 and near[0].values.layout.contains(self.log.layout.keys).all():
-            yield near[0].values.only(self.log.layout.keys), near[0].fixed, list(self.log.tables)
+        if self._nearby is not None:
+            yield self._nearby
             return
-        pieces = split(self.log)
-        if len(pieces) > MOST_PIECES * len(self.log.robots):
-            return  # its odometry is in shreds: that is no log
-        joined = join([build(piece, options=QUICK) for piece in pieces], options=QUICK)
-        for component in joined.components:
+        for component in self._joined.components if self._joined is not None else ():
             at = AtMap(self.log.tables, component.map)
             yield at.values, frame_of(component.map), at.tables
+
+    @cached_property
+    def _nearby(self) -> tuple[Values, IntArray, list[Table]] | None:
+        """Where the map of the trial that it is sought near has all of it; None where that has not."""
+        near = self.near.optima if self.near is not None else ()
+        if len(near) != 1 or not near[0].values.layout.contains(self.log.layout.keys).all():
+            return None
+        return near[0].values.only(self.log.layout.keys), near[0].fixed, list(self.log.tables)
+
+    @cached_property
+    def _joined(self) -> Joined | None:
+        """The join of its pieces; None where its odometry is in shreds: that is no log."""
+        pieces = split(self.log)
+        if len(pieces) > MOST_PIECES * len(self.log.robots):
+            return None
+        return join([build(piece, options=QUICK) for piece in pieces], options=QUICK)
+
+    @property
+    def searched(self) -> int:
+        """How many trusses were solved to find where its submaps lie: one takes as long as many stretches without."""
+        joined = self._joined if self.optima and self._nearby is None else None
+        return joined.searched if joined is not None else 0
 
     @cached_property
     def values(self) -> Values | None:
