@@ -15,7 +15,8 @@ import numpy as np
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.model import Dataset, Kind, Table, Values, is_landmark, is_pose, robot_of
 
-STEP = 1e-6
+STEP = 1e-6  # [m] of a difference, which is good to 1e-9; landmarks may be as near to their sensors
+TURN = 1e-4  # [rad] of one that takes in the third derivative, and is good to 1e-11: a lever may be a micron
 DENSE = 1000  # unknowns: of more nobody makes a dense matrix here
 OPEN = 1e-11  # of the largest: squares of singular values below are none. Differences are good to 1e-9
 
@@ -90,15 +91,21 @@ def _slopes(table: Table, ends: tuple[Pose | None, Pose | Array], end: int) -> A
     moving = ends[end]
     size = moving.dof if isinstance(moving, Pose) else moving.shape[-1]
     out = np.zeros((len(table), table.row.residual_rows(table.dim), size))
+
+    def across(k: int, step: float) -> Array:
+        """How much the residuals differ from a step back to a step on."""
+        shift = np.zeros((len(table), size))
+        shift[:, k] = step
+        moved = [moving.retract(s) if isinstance(moving, Pose) else moving + s for s in (shift, -shift)]
+        both = [(there, ends[1]) if end == 0 else (ends[0], there) for there in moved]
+        after, before = (table.row.minus(table.values, table.predict_from(*pair), table.dim) for pair in both)
+        return np.asarray(after - before)
+
     for k in range(size):
-        step = np.zeros((len(table), size))
-        step[:, k] = STEP
-        residuals = []
-        for shift in (step, -step):
-            moved = moving.retract(shift) if isinstance(moving, Pose) else moving + shift
-            both = (moved, ends[1]) if end == 0 else (ends[0], moved)
-            residuals.append(table.row.minus(table.values, table.predict_from(*both), table.dim))
-        out[:, :, k] = (residuals[0] - residuals[1]) / (2.0 * STEP)
+        if isinstance(moving, Pose) and k >= moving.dim:
+            out[:, :, k] = (8.0 * across(k, TURN) - across(k, 2.0 * TURN)) / (12.0 * TURN)
+        else:
+            out[:, :, k] = across(k, STEP) / (2.0 * STEP)
     return out
 
 

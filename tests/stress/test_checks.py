@@ -16,8 +16,9 @@ from stress.verdict import heard, judge, rows_in, told
 from stress.whole import check_whole
 from stress.world import chosen, log_of
 from teamslam.errors import SolveError
+from teamslam.geometry import Pose, concatenate
 from teamslam.joining import Joined
-from teamslam.model import Dataset, Submap, Table, landmark_key, pose_key
+from teamslam.model import Dataset, Kind, Submap, Table, Values, landmark_key, pack, pose_key
 from worlds import WORLDS, team
 
 
@@ -80,6 +81,16 @@ def test_the_jacobian_is_that_of_the_residuals(world: str) -> None:
 
     slope = (residuals(1e-6) - residuals(-1e-6)) / 2e-6
     np.testing.assert_allclose(jacobian(oracle.tables, oracle.truth) @ step, slope, atol=1e-6)
+
+
+def test_the_jacobian_knows_levers_of_a_micron() -> None:
+    """A heading of which nothing tells but a step of half a micron, that is known to a micron."""
+    keys, away = np.array([[pose_key(1, 0), pose_key(1, 1)]]), 5e-7
+    seen, start = Pose.from_xytheta(np.array([[away, 0.0, 0.0]])), Pose.from_xytheta(np.array([[5.0, -7.0, 0.4]]))
+    sure = np.diag([1e6, 1e6, 1e-2])[None]
+    step = Table(1, "odometry", "relative_pose", 2, keys, pack(seen), sure, np.arange(1))
+    turn = jacobian([step], Values.of({Kind.POSE2: (keys[0], concatenate([start, start @ seen]))}))[:2, 2]
+    assert float(np.linalg.norm(turn)) == pytest.approx(away, rel=1e-4)
 
 
 def test_what_is_open_is_counted() -> None:
