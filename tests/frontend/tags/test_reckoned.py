@@ -8,7 +8,7 @@ import pytest
 import tagged_room
 import teamslam as ts
 from teamslam.frontend.tags.reckoned import _Reckoning, places_by_way
-from teamslam.io.bags.team import _places
+from teamslam.io.bags.team import _by_visits, _together
 from teamslam.model import index_of, is_landmark
 
 
@@ -39,7 +39,8 @@ def test_a_number_on_two_walls_is_told_apart_within_a_minute(tmp_path, seed):
     """Tag 2 of the opposite wall is called 0: each sighting goes to the place where it truly was."""
     log = log_of(tagged_room.make(seed, 30.0, 3.0), tmp_path, seed=seed)
     tables, way, truly = renamed(log, 0, 2)
-    found = _places(tables, way)
+    by_way = places_by_way(tables, way)
+    found = _together(by_way, _by_visits(tables, by_way))
     assert {place.tag for place in found} == {keyed(log, 0)} and len(found) == 2
     ticks = np.concatenate([index_of(t.keys[:, 0]) for t in tables])
     called = np.concatenate([t.keys[:, 1] for t in tables]) == keyed(log, 0)

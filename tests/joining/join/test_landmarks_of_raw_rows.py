@@ -7,7 +7,7 @@ import pytest
 
 from teamslam.joining import accounted, build, exact_join, full, join, split
 from teamslam.joining.build.build import _descended
-from teamslam.joining.build.problem import Problem, gaussian_part
+from teamslam.joining.build.problem import Begun, Problem, gaussian_part
 from teamslam.model import WORLD, Dataset, is_landmark, landmark_key, pose_key
 from teamslam.solver.optimise import DEFAULTS
 from worlds import WORLDS, measure, team
@@ -61,7 +61,7 @@ def test_from_bare_ways_the_exact_join_is_full_least_squares(world: str) -> None
     """The way that stands for a piece of which no submap can be built holds its relative poses; all else travels."""
     log = team(world, sigma=0.05, sigma_odometry=0.05)
     pieces = split(log)
-    bare = [next(_descended(Problem.bare(piece), None, 0, DEFAULTS, None))[0] for piece in pieces]
+    bare = [next(_descended(Problem.bare(piece, Begun.of(piece)), None, 0, DEFAULTS, None))[0] for piece in pieces]
     for number, (piece, way) in enumerate(zip(pieces, bare, strict=True), start=1):
         assert not is_landmark(way.values.layout.keys).any()
         inside, _ = gaussian_part(piece.tables, number, way.trajectory_keys(number), way.all_values.layout)
