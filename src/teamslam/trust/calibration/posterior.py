@@ -33,7 +33,7 @@ class Fit:
     choice: Choice
     covariance: Array
     values: Array
-    effects: sp.csr_array
+    effects: sp.csc_array
     followed: Array
 
     @classmethod
@@ -89,7 +89,8 @@ class Fit:
             values = self.covariance @ (self.effects.T @ pull - self.followed.T @ gradient)
             step -= self.followed @ values
             rest = rest - self.effects @ values
-        return np.asarray(rest - self.linear.jacobian @ step)
+        left = self.linear.jacobian @ step
+        return np.subtract(rest, left, out=left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ class Pulled:
     `effects`, their `information` S and `slope` g, and how the map has `followed` each of them (unknowns, k)."""
 
     which: IntArray
-    effects: sp.csr_array
+    effects: sp.csc_array
     information: Array
     slope: Array
     followed: Array
@@ -106,7 +107,7 @@ class Pulled:
     @classmethod
     def of(cls, linear: Linear, weight: sp.csr_array, factor: Factor, which: IntArray) -> "Pulled":
         """By the weights w W'W of all rows, and the factor of H."""
-        effects = linear.effects if len(which) == len(linear.columns) else sp.csr_array(linear.effects[:, which])
+        effects = linear.effects if len(which) == len(linear.columns) else sp.csc_array(linear.effects[:, which])
         if not len(which):
             return cls(which, effects, np.zeros((0, 0)), np.zeros(0), np.zeros((linear.jacobian.shape[1], 0)))
         weighed = weight @ effects

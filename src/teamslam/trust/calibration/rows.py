@@ -44,7 +44,7 @@ class Linear:
     errors: Array
     jacobian: sp.csr_array
     columns: tuple[Column, ...]
-    effects: sp.csr_array
+    effects: sp.csc_array
 
     def by_tables(self, stacked: Array) -> list[Array]:
         """Numbers (N, ...) of all rows as (m, rows, ...) of each table."""
@@ -106,16 +106,13 @@ def held_at(at: AtMap) -> IntArray:
     return np.asarray(keys[~at.gap.free.contains(keys)])
 
 
-def _effects(columns: Sequence[Column], starts: IntArray) -> sp.csr_array:
+def _effects(columns: Sequence[Column], starts: IntArray) -> sp.csc_array:
     """What one first guess of each error does to all rows (N, k)."""
-    data = [c.size * c.effect.ravel() for c in columns]
-    rows = [starts[c.table] + np.arange(c.effect.size) for c in columns]
-    which = [np.full(c.effect.size, n) for n, c in enumerate(columns)]
-    nothing = [np.zeros(0)]
-    triple = (np.concatenate(each or nothing) for each in (data, rows, which))
-    values, row, col = triple
-    out = sp.csr_array((values, (row.astype(np.int64), col.astype(np.int64))), shape=(int(starts[-1]), len(columns)))
-    return out
+    nothing, none = [np.zeros(0)], [np.zeros(0, np.int64)]
+    data = np.concatenate([c.size * c.effect.ravel() for c in columns] or nothing)
+    rows = np.concatenate([starts[c.table] + np.arange(c.effect.size) for c in columns] or none)
+    ends = np.cumsum([0, *(c.effect.size for c in columns)])
+    return sp.csc_array((data, rows, ends), shape=(int(starts[-1]), len(columns)))
 
 
 def linearised(
