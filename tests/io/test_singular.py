@@ -46,6 +46,22 @@ def test_it_reads_back_as_it_was(name: str, rng: np.random.Generator, dim: int, 
         assert mine.ranks.tolist() == theirs.ranks.tolist()
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("rank", [1, 2])
+def test_scales_that_lie_far_apart_leave_the_rank(rank: int, dim: int, tmp_path: Path) -> None:
+    """g2o counts errors in other axes; turned into these and back, what is weak stays what it is."""
+    rows = 3 * dim - 3
+    rng = np.random.default_rng([dim, rank])
+    root = np.zeros((100, rows, rows))
+    root[:, rows - rank :] = rng.normal(size=(100, rank, rows)) * 10.0 ** rng.uniform(-3.0, 0.0, (100, 1, rows))
+    whitening = whitening_of_information(np.swapaxes(root, 1, 2) @ root)
+    poses = pose_key(1, np.arange(101))
+    steps = Table(1, "odometry", "relative_pose", dim, np.stack([poses[:-1], poses[1:]], -1),
+                  pack(random_poses(rng, dim, 100)), whitening, np.arange(100))  # fmt: skip
+    write(Dataset({1: dim}, (steps,), Names({1: "a"}, {}, 1.0)), tmp_path / "log.g2o", "g2o")
+    assert (read(tmp_path / "log.g2o").tables[0].ranks == rank).all()
+
+
 @pytest.mark.parametrize("name", ["pyfg", "jrl"])
 def test_formats_of_covariances_name_the_others(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="of the formats that teamslam writes, plain and g2o can hold all of this log"):

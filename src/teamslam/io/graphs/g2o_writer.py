@@ -128,10 +128,10 @@ def _tag(table: Table, ends: tuple[Kind, ...]) -> str | None:
 def _edge_lines(table: Table, name: str, ids: Ids, sensors: list[Pose]) -> list[str]:
     """The lines of one table."""
     tag = EDGES[name]
-    information = np.broadcast_to(information_of_whitening(table.whitening), (len(table), tag.rows, tag.rows))
+    whitening = np.broadcast_to(table.whitening, (len(table), tag.rows, tag.rows))
     if tag.model in ("relative_pose", "pose"):
-        a = chart(table.values, tag.dim, half_angle=True)
-        information = np.swapaxes(a, 1, 2) @ information @ a
+        whitening = whitening @ chart(table.values, tag.dim, half_angle=True)
+    information = information_of_whitening(whitening)
     above = np.triu_indices(tag.rows)
     parameter = f" {_place_of(table, sensors)}" if tag.parameter else ""
     kind = pose_kind(tag.dim) if tag.model in ("relative_pose", "pose") else point_kind(tag.dim)

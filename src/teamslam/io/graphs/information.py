@@ -7,13 +7,21 @@ they say nothing, W has rows of zeros for them, and there is no covariance.
 import numpy as np
 
 from teamslam.geometry import Array
-from teamslam.model import ranks
+from teamslam.model import ranks, whitening_of_information
 
 
 def information_of_whitening(whitening: Array) -> Array:
     """W'W, exactly symmetric."""
     information = np.swapaxes(whitening, -1, -2) @ whitening
     return np.asarray(0.5 * (information + np.swapaxes(information, -1, -2)))
+
+
+def transported(whitening: Array, a: Array) -> Array:
+    """The whitening (m, r, r) of a measurement whose errors are those of W times A: lower triangular, of A'W'WA.
+
+    Law: as many directions are measured as before. The information itself, multiplied from both sides, loses them where
+    its scales lie far apart: what is small is a difference of what is large."""
+    return whitening_of_information(information_of_whitening(whitening @ a))
 
 
 def has_covariance(whitening: Array) -> bool:

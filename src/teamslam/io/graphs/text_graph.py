@@ -13,6 +13,7 @@ from teamslam.io.files.records import Records, read_records, triangle
 from teamslam.io.graphs import g2o_tags, toro_tags
 from teamslam.io.graphs.charts import inverse_chart
 from teamslam.io.graphs.edges import whitened
+from teamslam.io.graphs.information import transported
 from teamslam.io.graphs.naming import names_in
 from teamslam.io.graphs.part import Measured, Part, Vertices
 from teamslam.io.graphs.tags import FORMS, Tag
@@ -90,11 +91,11 @@ def _g2o_edges(records: Records, sensors: "_Sensors", half_angle: bool) -> Measu
     if not says.all():
         records, information = records.select(says), information[says]
     values = FORMS[tag.form].rows(records, start)
+    whitening = whitened(whitening_of_information, information, records.error)
     if tag.model in ("relative_pose", "pose"):
-        inverse = inverse_chart(values, tag.dim, half_angle)
-        information = np.swapaxes(inverse, 1, 2) @ information @ inverse
+        whitening = transported(whitening, inverse_chart(values, tag.dim, half_angle))
     sensor = sensors.of(records, tag) if with_sensor else np.full(len(records), -1)
-    return _measured(records, tag, values, whitened(whitening_of_information, information, records.error), sensor)
+    return _measured(records, tag, values, whitening, sensor)
 
 
 def _measured(records: Records, tag: Tag, values: Array, whitening: Array, sensor: IntArray) -> Measured:
