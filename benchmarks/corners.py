@@ -9,13 +9,14 @@ process of its own, and rounds go through all solvers in turn. Where others use 
 that a process took, on all its threads, tell more than those of the clock.
 
 Each measurement is told as it ends, and stands in `--json` from then on; the table is of the medians. A solver that is
-not installed, gives no result in `--limit` seconds or ends without one stands below the table, and under `absent`, with
-the reason, and is not asked again.
+not installed, gives no result in `--limit` seconds of processors or ends without one stands below the table, and under
+`absent`, with the reason, and is not asked again.
 """
 
 import argparse
 import json
 import multiprocessing
+import signal
 import statistics
 import sys
 import time
@@ -66,7 +67,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--tags", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--limit", type=float, default=600.0, help="seconds for one measurement")
+    parser.add_argument("--limit", type=float, default=600.0, help="seconds of processors for one measurement")
     parser.add_argument("--solvers", nargs="+", choices=SOLVERS, default=list(SOLVERS))
     parser.add_argument("--json", type=Path, help="write the numbers here too, as they come")
     return parser.parse_args()
@@ -85,23 +86,24 @@ def measured(solver: str, of: tuple[int, int, int], limit_s: float) -> Row:
     """One solver, once, on the problem of so many frames and tags and a seed. RuntimeError where it gives no result."""
     apart = multiprocessing.get_context("spawn")
     here, there = apart.Pipe(duplex=False)
-    process = apart.Process(target=_measure, args=(there, solver, *of))
+    process = apart.Process(target=_measure, args=(there, solver, *of, limit_s))
     process.start()
     there.close()
     try:
-        if not here.poll(limit_s):
-            raise RuntimeError(f"no result in {limit_s:.0f} s")
         row: Row = here.recv()
-        return row
     except EOFError:
         process.join()
+        if process.exitcode == -signal.SIGPROF:
+            raise RuntimeError(f"no result in {limit_s:g} s of processors") from None
         raise RuntimeError(f"ended without a result (exit status {process.exitcode})") from None
     finally:
         process.kill()
         process.join()
+    return row
 
 
-def _measure(to: Connection, solver: str, frames: int, tags: int, seed: int) -> None:
+def _measure(to: Connection, solver: str, frames: int, tags: int, seed: int, limit_s: float) -> None:
+    signal.setitimer(signal.ITIMER_PROF, limit_s)
     of, truth = problem(frames, tags, seed)
     package, solve = SOLVERS[solver]
     began = time.process_time()
