@@ -15,8 +15,8 @@ from teamslam.sim.noise import plus
 from teamslam.solver import System
 from teamslam.trust.weak import Knowledge, knowledge_from, weakest_of
 from teamslam.trust.weak.eyes import eyes_of
-from teamslam.trust.weak.gains import Directions, exactly, hopes_of
-from teamslam.trust.weak.sightings import Sighting, _candidates, look_next
+from teamslam.trust.weak.gains import Directions, Pairs, exactly, hopes_of, joint
+from teamslam.trust.weak.sightings import VIEWPOINTS, Sighting, _candidates, look_next
 from worlds import WORLDS, team
 
 worlds = st.sampled_from(WORLDS)
@@ -115,9 +115,44 @@ def test_none_brings_more_than_is_hoped_of_it(world: str, seed: int, monkeypatch
     eyes, directions = eyes_of(log.tables, log.truth), Directions.of(weak)
     for eye, table in _candidates(weak.known, eyes):
         for hope in hopes_of(weak.known, directions, eye, table):
-            _, after = exactly(weak.known, directions, hope.A, hope.columns)
+            pairs = Pairs(weak.known, np.unique(hope.columns))
+            _, after = exactly(pairs, directions, hope.A, hope.table.keys[hope.rows], hope.columns)
             firms = np.log(np.sqrt(directions.variances) / after).sum(-1)
             assert (firms <= hope.firms + 1e-9).all()
     found = look_next(weak, eyes)
     monkeypatch.setattr("teamslam.trust.weak.sightings.FEW", 10**9)
     assert [look.sentence for look in found] == [look.sentence for look in look_next(weak, eyes)]
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_pairs_know_of_each_other_what_the_whole_covariance_says(world: str) -> None:
+    log = team(world, poses=8, landmarks=6)
+    assert log.truth is not None
+    known = knowledge_from(log.tables, log.truth, log.names)
+    layout = known.values.layout
+    whole = joint(known, np.arange(layout.dof))
+    pairs = Pairs(known, np.arange(layout.dof))
+    observers = layout.keys[layout.kinds < 2]
+    for kind in np.unique(layout.kinds).tolist():
+        targets = layout.keys[layout.kinds == kind]
+        keys = np.stack([np.resize(observers, len(targets)), targets], -1)
+        for one, found in zip(keys, pairs.of(keys), strict=True):
+            at = layout.unknowns(one)
+            np.testing.assert_allclose(found, whole[np.ix_(at, at)], rtol=1e-6, atol=1e-9 * np.abs(whole).max())
+
+
+def test_each_viewpoint_is_solved_for_once_however_many_sightings_are_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = team("2d", poses=100, landmarks=40)
+    assert log.truth is not None
+    weak, eyes = weakest_of(knowledge_from(log.tables, log.truth, log.names)), eyes_of(log.tables, log.truth)
+    columns: list[int] = []
+    spread = Knowledge.spread
+
+    def counted(known: Knowledge, f: np.ndarray) -> np.ndarray:
+        columns.append(f[0].size)
+        return spread(known, f)
+
+    monkeypatch.setattr(Knowledge, "spread", counted)
+    look_next(weak, eyes)
+    of_robots = 3 * 2 * VIEWPOINTS  # viewpoints at landmarks, and those of meetings
+    assert sum(columns) <= 3 * of_robots + len(weak.directions)

@@ -7,7 +7,8 @@ A sighting with the whitened Jacobian A adds A'A to the information. By the lemm
     sigma'^2 = f'P f - f'P A' S^-1 A P f                    of a weak direction f
 
 What hangs loose altogether (N) is tied by as many ways as A N has rank. For S the covariance of what takes part is
-needed, columns of P. Without it, with B = A P F for the weak directions F,
+needed: the blocks of P of both ends, and columns of P for the one that looks (`Pairs`). Without these, with B = A P F
+for the weak directions F,
 
     S >= 1 + B (F'P F)^-1 B'
 
@@ -93,12 +94,50 @@ def after_of(directions: Directions, S: Array, b: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(directions.variances - gone, LEAST * directions.variances)))
 
 
-def exactly(known: Knowledge, directions: Directions, A: Array, columns: IntArray) -> tuple[Array, Array]:
-    """The gain (m,) of some sightings, and what each leaves of the directions (m, k)."""
-    unknowns, at = np.unique(columns, return_inverse=True)
-    at = at.reshape(columns.shape)
-    covariance = joint(known, unknowns)
-    S = np.eye(A.shape[1]) + A @ covariance[at[:, :, None], at[:, None, :]] @ np.swapaxes(A, 1, 2)
+class Pairs:
+    """The covariance of pairs of variables (who looks, at what), all of `unknowns` (u,), rising. Each who looks is
+    solved for once."""
+
+    def __init__(self, known: Knowledge, unknowns: IntArray) -> None:
+        self.known, self.unknowns = known, unknowns
+        self._columns: dict[int, Array] = {}  # (u, d) of variables by their keys
+
+    def of(self, keys: IntArray) -> Array:
+        """Of some pairs (m, 2) of alike kinds: (m, c, c), in the order of the unknowns of both."""
+        ends = [self._unknowns(keys[:, end]) for end in (0, 1)]
+        first, second = (self._blocks(at) for at in ends)
+        self._solve(np.unique(keys[:, 0]))
+        rows = np.searchsorted(self.unknowns, ends[1])
+        across = np.stack([self._columns[key][at] for key, at in zip(keys[:, 0].tolist(), rows, strict=True)])
+        top = np.concatenate([first, np.swapaxes(across, 1, 2)], 2)
+        return np.concatenate([top, np.concatenate([across, second], 2)], 1)
+
+    def _unknowns(self, keys: IntArray) -> IntArray:
+        return self.known.values.layout.unknowns(keys).reshape(len(keys), -1)
+
+    def _blocks(self, at: IntArray) -> Array:
+        """The blocks (m, d, d) of P at unknowns (m, d)."""
+        places, blocks = next(stack for stack in self.known.stacks if stack[0].shape[1] == at.shape[1])
+        return blocks[np.searchsorted(places[:, 0], at[:, 0])]
+
+    def _solve(self, keys: IntArray) -> None:
+        """The columns of those that were not asked for before."""
+        new = [key for key in keys.tolist() if key not in self._columns]
+        if not new:
+            return
+        unknowns = self._unknowns(np.array(new))
+        some = max(1, CHUNK // unknowns.shape[1])
+        for start in range(0, len(new), some):
+            own = unknowns[start : start + some]
+            unit = np.zeros((self.known.values.layout.dof, own.size))
+            unit[own.ravel(), np.arange(own.size)] = 1.0
+            columns = self.known.spread(unit)[self.unknowns].reshape(-1, *own.shape)
+            self._columns |= {key: columns[:, k].copy() for k, key in enumerate(new[start : start + some])}
+
+
+def exactly(pairs: Pairs, directions: Directions, A: Array, keys: IntArray, columns: IntArray) -> tuple[Array, Array]:
+    """The gain (m,) of some sightings by their `keys` (m, 2), and what each leaves of the directions (m, k)."""
+    S = np.eye(A.shape[1]) + A @ pairs.of(keys) @ np.swapaxes(A, 1, 2)
     return np.asarray(0.5 * np.linalg.slogdet(S)[1]), after_of(directions, S, A @ directions.spread[columns])
 
 

@@ -9,13 +9,15 @@ What hangs loose altogether is to be tied first, by as many ways as there are; t
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Names, Table, index_of, is_landmark, is_pose, robot_of
 from teamslam.trust.weak.eyes import Eye
-from teamslam.trust.weak.gains import Directions, Hopes, exactly, hopes_of
+from teamslam.trust.weak.gains import Directions, Hopes, Pairs, exactly, hopes_of
 from teamslam.trust.weak.knowledge import Knowledge
 from teamslam.trust.weak.weakest import Weak
 from teamslam.trust.weak.words import place
@@ -69,22 +71,61 @@ def look_next(weak: Weak, eyes: Sequence[Eye], most: int = MOST) -> tuple[Sighti
     hopes = [hope for eye, table in _candidates(known, eyes) for hope in hopes_of(known, directions, eye, table)]
     waiting = _the_most_hopeful_first(hopes)
     few = FEW if weak.directions else len(waiting)  # where the gain decides, nothing is promised of it
-    found: dict[tuple[int, int], Sighting] = {}
+    pairs = Pairs(known, np.unique(np.concatenate([np.zeros(0, np.int64), *(hope.columns.ravel() for hope in hopes)])))
+    found: dict[tuple[int, int], _Weighed] = {}
     while len(waiting):
         first, waiting = waiting[:few], waiting[few:]
-        for sighting in _weighed(weak, directions, hopes, first):
-            about = _about(sighting.observer, sighting.target)
-            if about not in found or _rank(sighting) < _rank(found[about]):
-                found[about] = sighting
-        best = sorted(map(_rank, found.values()))[:most]
+        for one in _weighed(pairs, directions, hopes, first):
+            about = _about(one.observer, one.target)
+            if about not in found or one.rank < found[about].rank:
+                found[about] = one
+        best = sorted(one.rank for one in found.values())[:most]
         if len(best) == most:
             waiting = _that_may_be_better(waiting, best[-1])
-    return tuple(sorted(filter(_helps, found.values()), key=_rank)[:most])
+    best_of_all = sorted(found.values(), key=lambda one: one.rank)
+    told = (_told(weak, one) for one in best_of_all if one.helps)
+    return tuple(islice(told, most))
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """What a hope's row would bring, exactly: `gain` [nats], and what it leaves of the weak directions (k,)."""
+
+    hope: Hopes
+    row: int
+    gain: float
+    before: Array
+    after: Array
+
+    @property
+    def observer(self) -> int:
+        return int(self.hope.table.keys[self.hope.rows[self.row], 0])
+
+    @property
+    def target(self) -> int:
+        return int(self.hope.table.keys[self.hope.rows[self.row], 1])
+
+    @property
+    def ties(self) -> int:
+        return int(self.hope.ties[self.row])
+
+    @property
+    def firms(self) -> float:
+        return float(np.sum(np.log(self.before / self.after)))
+
+    @cached_property
+    def rank(self) -> tuple[float, ...]:
+        return (-self.ties, -round(self.firms, 9), -round(self.gain, 9), self.observer, self.target)
+
+    @property
+    def helps(self) -> bool:
+        """Whether it is worth a word: it ties something, or firms up a weak direction by a hundredth or more."""
+        return bool(self.ties or not len(self.before) or self.firms > 0.01)
 
 
 def _the_most_hopeful_first(hopes: Sequence[Hopes]) -> Array:
-    """What could be made: (m, 4) of the rank that each may have at best (two numbers, as in `_rank`), which of the
-    hopes, and which row of it."""
+    """What could be made: (m, 4) of the rank that each may have at best (two numbers, as in `_Weighed.rank`), which of
+    the hopes, and which row of it."""
     rows = [
         np.stack([-hope.ties, -hope.firms, np.full(len(hope.rows), n), np.arange(len(hope.rows))], 1)
         for n, hope in enumerate(hopes)
@@ -97,15 +138,6 @@ def _that_may_be_better(waiting: Array, worst: tuple[float, ...]) -> Array:
     """What may yet rank before the worst that would be told."""
     ties, firms = waiting[:, 0], waiting[:, 1] - SLACK
     return np.asarray(waiting[(ties < worst[0]) | ((ties == worst[0]) & (firms <= worst[1]))])
-
-
-def _helps(sighting: Sighting) -> bool:
-    """Whether it is worth a word: it ties something, or firms up a weak direction by a hundredth or more."""
-    return bool(sighting.ties or not len(sighting.before) or sighting.firms > 0.01)
-
-
-def _rank(sighting: Sighting) -> tuple[float, ...]:
-    return (-sighting.ties, -round(sighting.firms, 9), -round(sighting.gain, 9), sighting.observer, sighting.target)
 
 
 def _about(observer: int, target: int) -> tuple[int, int]:
@@ -162,21 +194,25 @@ def _evenly(count: int) -> IntArray:
 # --- what it would bring ----------------------------------------------------------------------------------------------
 
 
-def _weighed(weak: Weak, directions: Directions, hopes: Sequence[Hopes], some: Array) -> Iterator[Sighting]:
+def _weighed(pairs: Pairs, directions: Directions, hopes: Sequence[Hopes], some: Array) -> Iterator[_Weighed]:
     """What some of the hopes bring, exactly."""
-    before, known = np.sqrt(directions.variances), weak.known
+    before = np.sqrt(directions.variances)
     which, rows = some[:, 2].astype(int), some[:, 3].astype(int)
     for number in np.unique(which).tolist():
         hope, mine = hopes[number], rows[which == number]
-        gains, left = exactly(known, directions, hope.A[mine], hope.columns[mine])
+        keys = hope.table.keys[hope.rows[mine]]
+        gains, left = exactly(pairs, directions, hope.A[mine], keys, hope.columns[mine])
         for row, gain, after in zip(mine.tolist(), gains.tolist(), left, strict=True):
-            one = hope.table.select(hope.rows[row : row + 1])
-            observer, target = (int(key) for key in one.keys[0])
-            apart = known.values.positions(np.array([observer, target]), known.motions.dim)
-            distance, ties = float(np.linalg.norm(apart[1] - apart[0])), int(hope.ties[row])
-            told = _sentence(weak, observer, target, distance, ties, gain, before, after)
-            made = Eye(one, hope.eye.sees_robots, hope.eye.reach, hope.eye.cosine)
-            yield Sighting(observer, target, made, distance, gain, ties, before, after, told)
+            yield _Weighed(hope, row, gain, before, after)
+
+
+def _told(weak: Weak, one: _Weighed) -> Sighting:
+    known, row = weak.known, one.hope.table.select(one.hope.rows[one.row : one.row + 1])
+    apart = known.values.positions(row.keys[0], known.motions.dim)
+    distance = float(np.linalg.norm(apart[1] - apart[0]))
+    said = _sentence(weak, one.observer, one.target, distance, one.ties, one.gain, one.before, one.after)
+    made = Eye(row, one.hope.eye.sees_robots, one.hope.eye.reach, one.hope.eye.cosine)
+    return Sighting(one.observer, one.target, made, distance, one.gain, one.ties, one.before, one.after, said)
 
 
 def _sentence(
