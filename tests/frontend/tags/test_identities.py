@@ -1,5 +1,7 @@
 """Tags that stand at several places are told apart by what else is seen with them; the others are left alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -79,3 +81,17 @@ def test_a_long_way_that_is_walked_again_is_no_wall_full_of_tags_that_were_moved
     rng = np.random.default_rng(seed)
     tags = as_they_stand(ring(rng, 24))
     assert places_of_tags([walked_round(rng, [tags, tags])[0]]) == []
+
+
+def test_a_misread_long_before_a_tag_is_seen_makes_no_place_of_it():
+    """Once in one image a tag is taken for one that stands metres off, and is first seen itself minutes later."""
+    rng = np.random.default_rng(0)
+    tags = corridor(rng, 11)
+    without = {k: tag for k, tag in as_they_stand(tags).items() if k != 3}
+    visits = [(3.5, 8.0, 0.0, lambda _: without), (0.0, 8.0, 300.0, as_they_stand)]
+    seen = drive(rng, tags, visits)
+    keys = seen.keys.copy()
+    assert keys[0, 1] != landmark_key(3)
+    far = np.flatnonzero(keys[:, 1] == landmark_key(9))[0]
+    keys[far, 1] = landmark_key(3)
+    assert places_of_tags([replace(seen, keys=keys)]) == []

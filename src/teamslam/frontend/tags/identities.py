@@ -12,8 +12,9 @@ robust loss would rather forgive the two honest sightings that say so. So number
              between them decide, and the pair of maps with most is merged first. One tag alone is believed, as nothing
              speaks against it. Visits farther apart in one map than drift explains are different tags
 
-Drift explains SLACK_M and SLACK of the distance, with SIGMAS of how well it is known, or of how far the map reaches: a
-tag that was moved by less is not found out here.
+A visit of fewer than SIGHTINGS sightings is a misread, and makes no place. Drift explains SLACK_M and SLACK of the
+distance, with SIGMAS of how well it is known, or of how far the map reaches: a tag that was moved by less is not found
+out here.
 """
 
 from collections.abc import Sequence
@@ -31,6 +32,7 @@ from teamslam.model import Table, is_landmark
 SLACK_M, SLACK, SIGMAS = 0.5, 0.15, 4.0
 BESIDE_S = 20.0  # before and after a visit: what else is seen there
 FEWEST, NEAREST = 3, 6  # tags that agree, to decide; and those that are asked
+SIGHTINGS = 3  # of a visit, that make a place: fewer are misreads
 BESIDE = round(BREAK_S / 3.0 * TICKS_PER_S)  # of a visit, at which there is no other of the same tag
 
 
@@ -57,8 +59,9 @@ def places_of_tags(tables: Sequence[Table]) -> list[Place]:
     maps = [part for part in (map_of(seen, visits, part) for part in visits.parts()) if part is not None]
     told = _Told(visits, maps)
     places = []
-    for tag in np.unique(visits.tag).tolist():
-        own = np.flatnonzero(visits.tag == tag)
+    known = np.bincount(visits.of_row, minlength=len(visits.tag)) >= SIGHTINGS
+    for tag in np.unique(visits.tag[known]).tolist():
+        own = np.flatnonzero(known & (visits.tag == tag))
         places += places_in_time(int(tag), visits.start[own], visits.stop[own], told.seats(own), BESIDE)
     return places
 

@@ -7,7 +7,8 @@
 
              s^2 the largest variance of the place, by odometry's noise between the two: X_k moves a place p by
              t + w x p, and covariances of (t, w) in the frame of the start add up along the way
-    apart:   a sighting that is of none of the places so far, each by its latest sighting, is at a new one
+    apart:   a sighting that is of none of the places so far, each by the nearest of its FEWEST latest sightings (the
+             last one may be a misread), is at a new one
 
 The slack is for what nobody stated: a wrong edge, a camera that is turned in the body, a clock that is late, wheels of
 another size. A place of fewer than FEWEST sightings is a misread, not a place.
@@ -89,16 +90,16 @@ def _centres(table: Table) -> Array:
 def _seats(reckoning: _Reckoning, at: IntArray, centres: Array) -> IntArray:
     """Which place (k,) each sighting of a tag is of, in the order of time: from keyframes `at`, of `centres` (k, 3)."""
     led, away = reckoning.poses[at].act(centres), np.linalg.norm(centres, axis=1)
-    latest: list[int] = []
+    latest: list[list[int]] = []
     seat = np.zeros(len(at), np.int64)
     for k in range(len(at)):
-        apart = [_apart(reckoning, at, led, away, before, k) for before in latest]
+        apart = [min(_apart(reckoning, at, led, away, one, k) for one in some) for some in latest]
         if apart and min(apart) < 1.0:
             seat[k] = int(np.argmin(apart))
-            latest[seat[k]] = k
+            latest[seat[k]] = [*latest[seat[k]], k][-FEWEST:]
         else:
             seat[k] = len(latest)
-            latest.append(k)
+            latest.append([k])
     return seat
 
 
