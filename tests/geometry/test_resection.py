@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from teamslam.geometry import Pose, s2
-from teamslam.geometry.resection import resect, slopes
+from teamslam.geometry.resection import nearest, resect, slopes
 
 TAG = 0.075 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
 EVERY = 1e-3 * np.eye(8)[None] * 1e6
@@ -89,3 +89,18 @@ def test_nonsense_gives_numbers_and_no_warning(damage):
         points[:] = 0.0
     found = resect(rays, points, EVERY)
     assert found.poses.translation.shape == (5, 2, 3)
+
+
+def test_a_pose_nearby_leads_to_that_which_fits_best():
+    rng = np.random.default_rng(2)
+    poses, sigma = facing(rng, 50, near=0.5, far=2.0), 1e-3
+    points = TAG + np.array([0.2, -0.1, 0.4])  # on a body whose origin is elsewhere
+    rays = rays_to(poses, points)
+    rays = s2.of(rays + (s2.direction_basis(rays) @ rng.normal(scale=sigma, size=(50, 4, 2, 1)))[..., 0])
+    points = np.broadcast_to(points, (50, 4, 3))
+    white = np.eye(8)[None] / sigma
+    best = resect(rays, points, white)
+    found = nearest(best.poses[:, 0].retract(rng.normal(scale=1e-3, size=(50, 6))), rays, points, white)
+    costs = np.sum((slopes(found, rays, points)[0] / sigma) ** 2, -1)
+    assert (costs <= best.costs[:, 0] + 1e-3).all()  # where a pose is poorly known, so little is far
+    assert np.median(np.abs(found.minus(best.poses[:, 0])).max(-1)) < 1e-8

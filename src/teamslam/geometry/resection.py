@@ -19,6 +19,7 @@ from teamslam.geometry.arrays import Array
 from teamslam.geometry.pose import Pose
 
 STEPS = 12
+STANDS = 1e-12  # of the cost: what a step still promises where a pose stands
 SAME = 1e-3  # two poses nearer than this (of the distance, and in radians) are one
 
 
@@ -54,6 +55,15 @@ def resect(rays: Array, points: Array, whitening: Array) -> Resection:
     costs[:, 1] = np.where(one, np.inf, costs[:, 1])
     back = (poses.rotation @ middle[:, None, :, None])[..., 0]
     return Resection(Pose(poses.rotation, poses.translation - back), costs)
+
+
+def nearest(start: Pose, rays: Array, points: Array, whitening: Array) -> Pose:
+    """The poses (m,) to which those of `start` (m,) lead, for rays that are little else than those it was made of; the
+    rest as in `resect`."""
+    middle = points.mean(1)
+    about = Pose(start.rotation, start.act(middle))
+    found, _ = _refined(about, rays, points - middle[:, None], whitening)
+    return Pose(found.rotation, found.translation - (found.rotation @ middle[..., None])[..., 0])
 
 
 def slopes(pose: Pose, rays: Array, points: Array) -> tuple[Array, Array]:
@@ -99,29 +109,30 @@ def _mirrored(pose: Pose) -> Pose:
 
 
 def _refined(pose: Pose, rays: Array, points: Array, whitening: Array) -> tuple[Pose, Array]:
-    """The nearest optimum of each, and its cost (m,)."""
-    damping = np.full(len(rays), 1e-4)
+    """The nearest optimum of each, and its cost (m,): each moves until it stands."""
+    whitening = np.broadcast_to(whitening, (len(rays), 8, 8))
+    rotation, translation = pose.rotation.copy(), pose.translation.copy()
     error, jacobian = slopes(pose, rays, points)
-    cost = _cost(whitening, error)
+    cost, damping = _cost(whitening, error), np.full(len(rays), 1e-4)
+    at = np.arange(len(rays))
     for _ in range(STEPS):
-        J, e = whitening @ jacobian, whitening @ error[..., None]
-        normal = np.swapaxes(J, -1, -2) @ J
+        J, e = whitening[at] @ jacobian[at], whitening[at] @ error[at, :, None]
+        down, normal = np.swapaxes(J, -1, -2) @ e, np.swapaxes(J, -1, -2) @ J
         scale = np.einsum("mii->mi", normal)
-        floor = damping[:, None] * scale + 1e-12 * scale.max(-1, keepdims=True) + 1e-30
-        damped = normal + floor[..., None] * np.eye(6)
-        tried = pose.retract(np.linalg.solve(damped, np.swapaxes(J, -1, -2) @ e)[..., 0])
-        error_tried, jacobian_tried = slopes(tried, rays, points)
-        cost_tried = _cost(whitening, error_tried)
-        better = cost_tried < cost
-        damping = np.where(better, 0.1 * damping, 10.0 * damping)
-        each = better[:, None, None]
-        pose = Pose(
-            np.where(each, tried.rotation, pose.rotation),
-            np.where(better[:, None], tried.translation, pose.translation),
-        )
-        error = np.where(better[:, None], error_tried, error)
-        jacobian, cost = np.where(each, jacobian_tried, jacobian), np.where(better, cost_tried, cost)
-    return pose, cost
+        floor = damping[at, None] * scale + 1e-12 * scale.max(-1, keepdims=True) + 1e-30
+        step = np.linalg.solve(normal + floor[..., None] * np.eye(6), down)[..., 0]
+        tried = Pose(rotation[at], translation[at]).retract(step)
+        error_tried, jacobian_tried = slopes(tried, rays[at], points[at])
+        cost_tried = _cost(whitening[at], error_tried)
+        better = cost_tried < cost[at]
+        damping[at] *= np.where(better, 0.1, 10.0)
+        new = at[better]
+        rotation[new], translation[new] = tried.rotation[better], tried.translation[better]
+        error[new], jacobian[new], cost[new] = error_tried[better], jacobian_tried[better], cost_tried[better]
+        at = at[~(np.sum(step * down[..., 0], -1) < STANDS * (1.0 + cost[at]))]
+        if not len(at):
+            break
+    return Pose(rotation, translation), cost
 
 
 def _unit(vectors: Array) -> Array:

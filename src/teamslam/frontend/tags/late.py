@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import Array, Pose, s2
-from teamslam.geometry.resection import resect
+from teamslam.geometry.resection import nearest, resect
 
 ROUNDS = 3
 
@@ -34,9 +34,9 @@ def at_one_instant(rays: Array, points: Array, whitening: Array, motion: Motion,
 
     Law: exact for directions without noise, up to the ROUNDS-th power of the motion, where these tell one pose.
     """
-    here = rays
-    for _ in range(ROUNDS if standing is None else 1):
-        pose = resect(here, points, whitening).poses[:, 0] if standing is None else standing
+    here, pose = rays, resect(rays, points, whitening).poses[:, 0] if standing is None else standing
+    for number in range(ROUNDS if standing is None else 1):
+        pose = nearest(pose, here, points, whitening) if number else pose
         moved = motion.body.act(points)
         there = motion.eye.unact(moved @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[:, None])
         distance = np.linalg.norm(there, axis=-1, keepdims=True)

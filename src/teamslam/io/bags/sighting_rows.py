@@ -36,6 +36,19 @@ def sightings_of(robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntA
     return [table for part in parts_of(robot, team, keyframes) for table in part.tables(team, loss)]
 
 
+def renamed(
+    tables: Sequence[Table], robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray]
+) -> list[Table]:
+    """The tables of `sightings_of` a robot by the names that its tags have now: all else of them is as it was."""
+    out: list[Table] = []
+    left = list(tables)
+    for part in parts_of(robot, team, keyframes):
+        for _ in range(1 if robot.views[part.camera].depths is None else 2):
+            table = left.pop(0)
+            out.append(replace(table, keys=part.keys[np.searchsorted(part.ids, table.ids)]))
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """What a camera of a robot saw of one source: the robot's number, the camera's place among its views, the `mine` of

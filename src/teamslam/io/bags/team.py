@@ -24,7 +24,7 @@ from teamslam.io.bags.first_guess import first_guess
 from teamslam.io.bags.looked import Progress
 from teamslam.io.bags.recorded import seen_by
 from teamslam.io.bags.seen import MERGE_S, Book, Seen
-from teamslam.io.bags.sighting_rows import Part, parts_of, sightings_of, ticks_by
+from teamslam.io.bags.sighting_rows import Part, parts_of, renamed, sightings_of, ticks_by
 from teamslam.io.bags.team_file import TeamFile, is_team_file, read_team_file
 from teamslam.io.bags.unknowns import Stated, file_with, stated_in, team_with
 from teamslam.io.bags.way_rows import way_of
@@ -108,7 +108,7 @@ class Recordings:
             robot = robot.with_places(places, called, book)
             named.append(robot)
             tables += way if robot.track is not None else way_of(robot, number, keyframes[number], book)
-            tables += sightings_of(robot, team, keyframes, file) if places else seen
+            tables += renamed(seen, robot, team, keyframes) if places else seen
         if not any(table.source != "odometry" for table in tables):
             raise InputError("no tag was seen in any image; check topics and calibrations", path=self.path)
         landmarks = called | {landmark_number(entry.name): entry.name for entry in file.landmark}
@@ -167,24 +167,33 @@ class Reading:
     def varied(self, values: Array) -> tuple[Table, ...]:
         """Those sightings of this log that would be others, were the unknowns."""
         now = team_with(self.used, file_with(self.recordings.file, self.recordings.stated, values))
-        loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
-        return tuple(
-            table
-            for part, bases, standing in self._parts
-            if part.differs(self.used, now)
-            for table in (
-                [part.moved(base, now) for base in bases]
-                if part.differs_in_place(self.used, now)
-                else part.tables(now, loss, standing)
-            )
-        )
+        tables: list[Table] = []
+        for n, part in enumerate(self._parts):
+            if not part.differs(self.used, now):
+                continue
+            if n not in self._made:
+                bases = part.tables(self.used, self._loss)
+                self._made[n] = bases, part.standing(bases[0])
+            bases, standing = self._made[n]
+            if part.differs_in_place(self.used, now):
+                tables += [part.moved(base, now) for base in bases]
+            else:
+                tables += part.tables(now, self._loss, standing)
+        return tuple(tables)
 
     @cached_property
-    def _parts(self) -> list[tuple[Part, list[Table], Pose]]:
-        """The parts of all robots, their rows, and how what they saw stood to them."""
-        loss = Loss(self.file.tags.loss, self.file.tags.loss_scale)
-        parts = [part for robot in self.named for part in parts_of(robot, self.used, self.keyframes)]
-        return [(part, bases := part.tables(self.used, loss), part.standing(bases[0])) for part in parts]
+    def _parts(self) -> list[Part]:
+        """The parts of all robots."""
+        return [part for robot in self.named for part in parts_of(robot, self.used, self.keyframes)]
+
+    @cached_property
+    def _made(self) -> dict[int, tuple[list[Table], Pose]]:
+        """Of those parts that were asked for, the rows, and how what they saw stood to them."""
+        return {}
+
+    @property
+    def _loss(self) -> Loss:
+        return Loss(self.file.tags.loss, self.file.tags.loss_scale)
 
 
 def _by_visits(sightings: Sequence[Table], by_way: Sequence[Place]) -> list[Place]:
