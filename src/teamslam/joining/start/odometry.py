@@ -35,10 +35,21 @@ def odometry_links(log: Dataset, robot: int, poses: IntArray) -> tuple[IntArray,
 def heading_variances(log: Dataset, robot: int, poses: IntArray) -> Array:
     """The variance of the heading that each odometry step adds (n - 1,) [rad^2], in space the sum over its axes;
     infinite where no odometry tells it."""
+    return _variances(log, robot, poses, turns=True)
+
+
+def length_variances(log: Dataset, robot: int, poses: IntArray) -> Array:
+    """The variance of the place that each odometry step adds (n - 1,) [m^2], the sum over its axes; infinite where no
+    odometry tells it."""
+    return _variances(log, robot, poses, turns=False)
+
+
+def _variances(log: Dataset, robot: int, poses: IntArray, *, turns: bool) -> Array:
     which, row, _ = odometry_links(log, robot, poses)
     variance = np.full(len(which), np.inf)
     for number in np.unique(which[which >= 0]).tolist():
         steps, table = np.flatnonzero(which == number), log.tables[number]
-        each = variances(table.whitening)[:, table.dim :].sum(-1)
+        found = variances(table.whitening)
+        each = (found[:, table.dim :] if turns else found[:, : table.dim]).sum(-1)
         variance[steps] = np.broadcast_to(each, len(table))[row[steps]]
     return variance

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from teamslam.frontend.tags.by_targets import by_targets
+from teamslam.joining.start.blurred import blurred
 from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.dead_reckoning import dead_reckoning
 from teamslam.joining.start.driven import driven
@@ -43,7 +44,8 @@ def starts(piece: Dataset, robot: int) -> list[Values]:
 def with_targets(way: Values, piece: Dataset, robot: int) -> Values:
     """A robot's way with all that its sightings fix from there."""
     kinds = local_kinds(piece.layout, piece.robots[robot])
-    return triangulate(place_targets(way, piece.tables, kinds), piece.tables)
+    guess = triangulate(place_targets(way, piece.tables, kinds), piece.tables)
+    return guess.select(~np.isin(guess.layout.keys, blurred(piece, robot, guess)))
 
 
 def reckoned(piece: Dataset, robot: int) -> Values:
