@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from strategies import generators
 from teamslam.geometry import Array, Pose
 from teamslam.joining import build, exact_join, full, join, split
+from teamslam.joining.start.triangulate import Bundle
 from teamslam.joining.start.twofold import RULED_OUT, twofold
 from teamslam.model import Dataset, Kind, Loss, Table, Values, landmark_key, pack, pose_key
 
@@ -37,6 +38,22 @@ def straight(rng: np.random.Generator, n: int) -> Pose:
     x, y, heading = rng.uniform(-5.0, 5.0, 3)
     way = np.stack([np.linspace(0.0, 6.0, n), np.zeros(n), np.zeros(n)], 1)
     return Pose.from_xytheta(np.array([x, y, heading])) @ Pose.from_xytheta(way)
+
+
+@pytest.mark.parametrize("sharp", [1e4, 1e5, 1e6])
+def test_beside_a_sharp_range_along_the_way_what_lies_across_is_not_lost_in_rounding(sharp: float) -> None:
+    """From one place to another each point moves across the way alone, wherever blunt ranges want it."""
+    n, rng = 2000, np.random.default_rng(1)
+    ray, there = rng.normal(size=(2, n, 3))
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    eyes = np.concatenate([there - 4.0 * ray, there + 3.0 * rng.normal(size=(n, 3))])
+    marks, every = landmark_key(np.arange(n)), np.arange(2 * n)
+    keys = np.stack([pose_key(1, every), np.tile(marks, 2)], -1)
+    sharpness = np.repeat([sharp, 0.1], n)[:, None, None]
+    seen = Table(1, "landmarks", "range", 3, keys, np.full((2 * n, 1), 4.0), sharpness, every, loss=Loss("huber", 1.0))
+    values = Values.of({Kind.POSE3: (keys[:, 0], Pose(np.tile(np.eye(3), (2 * n, 1, 1)), eyes))})
+    places, costs, _ = Bundle.of([seen], values, marks, 3).refined(there[None], across=ray)
+    assert np.abs(np.sum((places[0] - there) * ray, -1)).max() < 1e-12 and np.isfinite(costs).all()
 
 
 @settings(max_examples=40)

@@ -24,7 +24,6 @@ HELD = 0.5  # the largest share of its distance by which a landmark may be uncer
 ROUNDING = 1e-14  # of the largest information on a place: less is none
 STEPS = 8  # of the refinement: quadratic near the answer
 SAME = 1e-6  # of a cost: what two places of a landmark may differ by and still be mirrors of each other
-STILL = 1e6  # of the information: how stiffly a place is held that may only move across
 MOST = 40  # sightings of one landmark that are looked at; more would not tell more of its place
 
 
@@ -149,15 +148,17 @@ class Bundle:
         k, n, d = proposals.shape
         rays = [each.repeated(k, n) for each in self.rays]
         places, damping = proposals.reshape(k * n, d), np.full(k * n, 1e-3)
-        still = (
-            np.zeros((k * n, d, d)) if across is None else np.tile(across[:, :, None] * across[:, None, :], (k, 1, 1))
-        )
+        still = None if across is None else np.tile(across[:, :, None] * across[:, None, :], (k, 1, 1))
         cost, gradient, information = _linearised(rays, places)
         for _ in range(STEPS):
             scale = np.trace(information, axis1=1, axis2=2) / d + 1e-300
             damped = information + (damping * scale)[:, None, None] * np.eye(d)
-            step = np.linalg.solve(damped + STILL * scale[:, None, None] * still, gradient[..., None])
-            tried = places + (step - still @ step)[..., 0]
+            if still is None:
+                tried = places + np.linalg.solve(damped, gradient[..., None])[..., 0]
+            else:  # in what lies across: beside what holds the way itself, that could be lost in rounding
+                free = np.eye(d) - still
+                alone = free @ damped @ free + scale[:, None, None] * still
+                tried = places + (free @ np.linalg.solve(alone, free @ gradient[..., None]))[..., 0]
             cost_tried, gradient_tried, information_tried = _linearised(rays, tried)
             better = cost_tried < cost
             damping = np.where(better, 0.1 * damping, 10.0 * damping)
