@@ -89,7 +89,7 @@ class Fit:
             values = self.covariance @ (self.effects.T @ pull - self.followed.T @ gradient)
             step -= self.followed @ values
             rest = rest - self.effects @ values
-        left = self.linear.jacobian @ step
+        left: Array = self.linear.jacobian @ step
         return np.subtract(rest, left, out=left)
 
 
