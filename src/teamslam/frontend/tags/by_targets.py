@@ -149,15 +149,12 @@ class _Search:
         frames = self.placed.looks.frame[rows]
         return some(rows[self.placed.has_pose[frames] & ~np.isin(frames, latest)])
 
-    def _solve(
-        self, frames: IntArray, marks: IntArray, held: IntArray, tables: Sequence[Table], in_sight: bool = False
-    ) -> None:
-        """Some poses and targets nearer to the optimum of sightings and odometry, with other poses held; `in_sight`: no
-        sighting is so far off that losses which forgive would not see it."""
+    def _solve(self, frames: IntArray, marks: IntArray, held: IntArray, tables: Sequence[Table]) -> None:
+        """Some poses and targets nearer to the optimum of sightings and odometry, with other poses held."""
         every = np.concatenate([frames, held])
         ways = [t.select(np.sort(np.concatenate([ends[frame] for frame in every.tolist()])))
                 for t, ends in zip(self.odometry, self.ending, strict=True)]  # fmt: skip
-        found = settled(self.placed.values(every, marks), [*tables, *ways], self.placed.keys[held], in_sight)
+        found = settled(self.placed.values(every, marks), [*tables, *ways], self.placed.keys[held])
         self.placed.put(found, frames, marks)
         for mark in marks.tolist():
             if self.placed.lost(mark):  # losses that forgive may let a target go anywhere
