@@ -15,7 +15,6 @@ import numpy as np
 from teamslam.cards import ROBOT_COLOURS
 from teamslam.errors import in_words
 from teamslam.geometry import Array
-from teamslam.viz.png import write_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +33,7 @@ METHOD_NAMES = {"join": "submap joining", "full": "full least squares"}
 
 COLUMNS = 1000  # no figure has more dots side by side in one panel
 NARROW = 500  # and none of several panels side by side
+PACKED = 3  # of 9: from there on an image takes longer to write than to draw, and is hardly smaller
 
 RC: Any = {
     "figure.dpi": 160,
@@ -122,7 +122,15 @@ def saved(figure: "Figure", file: BinaryIO, *, type: str = "png", dpi: float | N
         if type != "png":
             figure.savefig(file, format=type, dpi=dots)
             return
-        write_png(figure, file, dots)  # savefig would go through all of the figure twice
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from PIL import Image
+
+        # savefig goes through all of the figure twice, and packs a fourth channel that is full everywhere.
+        figure.set_dpi(dots)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
+        image.save(file, "png", dpi=(dots, dots), compress_level=PACKED)
 
 
 def seen(x: Array, y: Array, columns: int = COLUMNS) -> tuple[Array, Array]:
