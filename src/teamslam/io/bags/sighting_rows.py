@@ -26,6 +26,7 @@ from teamslam.io.bags.team_file import CameraEntry, TeamFile
 from teamslam.model import Loss, Table, landmark_key, landmark_number, pose_key
 
 SOURCES = ("landmarks", "robots")
+DEPTH = "_depth"  # after a source: of its depths
 
 
 def sightings_of(robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray], file: TeamFile) -> list[Table]:
@@ -40,13 +41,11 @@ def renamed(
     tables: Sequence[Table], robot: Seen, team: Sequence[Seen], keyframes: Mapping[int, IntArray]
 ) -> list[Table]:
     """The tables of `sightings_of` a robot by the names that its tags have now: all else of them is as it was."""
-    out: list[Table] = []
-    left = list(tables)
-    for part in parts_of(robot, team, keyframes):
-        for _ in range(1 if robot.views[part.camera].depths is None else 2):
-            table = left.pop(0)
-            out.append(replace(table, keys=part.keys[np.searchsorted(part.ids, table.ids)]))
-    return out
+    parts = parts_of(robot, team, keyframes)
+    keys = {
+        source: np.concatenate([p.keys for p in parts if p.source == source]) for source in {p.source for p in parts}
+    }
+    return [replace(table, keys=keys[table.source.removesuffix(DEPTH)][table.ids]) for table in tables]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +94,7 @@ class Part:
 
     def _table(self, model: str, view: View, rows: tuple[Array, Array], good: BoolArray, loss: Loss) -> Table:
         """Those rows that are good; depths are a source of their own."""
-        source = self.source if model == "corners" else f"{self.source}_depth"
+        source = self.source if model == "corners" else f"{self.source}{DEPTH}"
         sensor = view.entry.pose @ LOOKING
         return Table(
             self.number, source, model, 3, self.keys[good], rows[0][good], rows[1][good], self.ids[good], sensor, loss
