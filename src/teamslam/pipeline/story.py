@@ -31,7 +31,15 @@ from teamslam.pipeline.mending import (
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
 from teamslam.solver import Covariances, meanwhile
-from teamslam.trust import Cause, assess, explained, mistakes, named_beyond_doubt, suspicions, with_plain_reasons
+from teamslam.trust import (
+    Cause,
+    assess,
+    explained,
+    named_beyond_doubt,
+    suspicions,
+    verdict_where_costly,
+    with_plain_reasons,
+)
 from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
@@ -81,10 +89,11 @@ def _told(
     except SolveError as error:
         raise explained(error, log) from None
     at = _at(log, joined)
-    calibration, seen = None, None
+    calibration, seen, judged = None, None, None
     if workers is None:
         clock.start("landmarks that were moved")
-        wrong = mistakes(log, joined, at)
+        judged = verdict_where_costly(log, joined, at)
+        wrong = () if judged is None else judged.mistakes
         again, moved = in_their_places(dataset, wrong if len(apart) < MOST_APART else ())
         if not moved and suspected is None and submaps and not config.join.exact and len(apart) < MOST_APART:
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
@@ -112,7 +121,8 @@ def _told(
             log = calibration.put_right(log, weigh=False)
             at = _at(log, joined)
         trust = assess(
-            log, submaps if suspects else (), joined, at, known=suspected, seen=seen,
+            log, submaps if suspects else (), joined, at,
+            judged=None if calibration else judged, known=suspected, seen=seen,
             rejecting=config.trust.reject, probability=config.trust.wrong, stage=clock.start,
         )  # fmt: skip
         joined = with_plain_reasons(joined, trust.verdict)

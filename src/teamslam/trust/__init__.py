@@ -3,7 +3,15 @@
 from teamslam.trust.assessment import Assessment, assess, suspected_beside
 from teamslam.trust.carriers import Share
 from teamslam.trust.cause import Cause
-from teamslam.trust.fit import Verdict, explained, mistakes, unknown, verdict, with_plain_reasons
+from teamslam.trust.fit import (
+    Verdict,
+    explained,
+    mistakes,
+    unknown,
+    verdict,
+    verdict_where_costly,
+    with_plain_reasons,
+)
 from teamslam.trust.noise import Noise
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
 from teamslam.trust.outliers.words import sentences_on_sightings
@@ -33,6 +41,7 @@ __all__ = [
     "suspicions",
     "unknown",
     "verdict",
+    "verdict_where_costly",
     "with_plain_reasons",
     "wrong_sightings",
 ]

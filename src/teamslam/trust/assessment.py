@@ -57,6 +57,7 @@ def assess(
     joined: Joined,
     at: Sequence[AtMap],
     *,
+    judged: Verdict | None = None,
     known: Suspicions | None = None,
     seen: Suspicions | None = None,
     rejecting: bool = False,
@@ -66,13 +67,13 @@ def assess(
     """How far the map of a log is to be believed; `at`: the log at each component's map.
 
     `submaps`: what it was joined of; without any (full least squares) nobody is suspected. Who lies is judged by the
-    log without the mistakes that were found in it: what they explain speaks against nobody. `known`: suspicions that
-    there were before the log was changed; `seen`: those of this very log, where somebody asked before. `rejecting`:
-    wrong sightings were left out of the log; where not, `probability` is that one is wrong (None: by the data). `stage`
-    hears what is looked at next.
+    log without the mistakes that were found in it: what they explain speaks against nobody. `judged`: the verdict on
+    this very log at these maps, where somebody asked before. `known`: suspicions that there were before the log was
+    changed; `seen`: those of this very log, where somebody asked before. `rejecting`: wrong sightings were left out of
+    the log; where not, `probability` is that one is wrong (None: by the data). `stage` hears what is looked at next.
     """
     stage("verdict on the fit")
-    judged = verdict(log, joined, at)
+    judged = verdict(log, joined, at) if judged is None else judged
     wrong = None
     if not rejecting:
         fits = not judged.gross or any(cause.is_mistake for cause in judged.causes)

@@ -89,6 +89,11 @@ class Verdict:
         return self.level == "misfit"
 
     @property
+    def mistakes(self) -> tuple[Cause, ...]:
+        """Those of its causes that are mistakes in the log."""
+        return tuple(cause for cause in self.causes if cause.is_mistake)
+
+    @property
     def rows(self) -> tuple[Rows, ...]:
         """The residuals of all components, table by table."""
         return tuple(row for part in self.parts for row in part.rows)
@@ -116,8 +121,14 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
 
 
 def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cause, ...]:
-    """The mistakes in a log for which its map does not fit. Looked for only where a sensor costs more than all its
-    numbers should; none are known of a map that its rows do not determine."""
+    """The mistakes in a log for which its map does not fit (see `verdict_where_costly`)."""
+    judged = verdict_where_costly(dataset, joined, at)
+    return () if judged is None else judged.mistakes
+
+
+def verdict_where_costly(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> Verdict | None:
+    """The verdict where a sensor costs more than all its numbers should, as it does where there is any mistake; None
+    elsewhere, and of a map that its rows do not determine."""
     try:
         costly = any(
             table.loss.cost(np.sum(part.gap.system.whitened(place, part.values) ** 2, -1)).sum() > table.dof
@@ -125,8 +136,8 @@ def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cau
             for place, table in enumerate(part.tables)
         )
     except SolveError:
-        return ()
-    return tuple(c for c in verdict(dataset, joined, at).causes if c.is_mistake) if costly else ()
+        return None
+    return verdict(dataset, joined, at) if costly else None
 
 
 def explained(error: SolveError, log: Dataset) -> SolveError:

@@ -1,5 +1,7 @@
 """The screen: right models pass it untouched, and what it stops is worth a closer look."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from teamslam.config import Config
 from teamslam.joining import AtMap, full
 from teamslam.model import Dataset
 from teamslam.pipeline import run
+from teamslam.sim import simulate
 from teamslam.trust.calibration.screen import SUSPICION, suspicious
 from trust.calibration.faulty import FAULTS, team
 
@@ -24,6 +27,21 @@ def test_right_models_are_looked_at_no_more_often_than_stated() -> None:
 @pytest.mark.parametrize("fault", [name for name in FAULTS if name != "nothing"])
 def test_whatever_is_wrong_is_looked_at(fault: str) -> None:
     assert all(_is_suspicious(FAULTS[fault](team(seed), np.random.default_rng(seed))) for seed in range(2))
+
+
+def _long(seed: int) -> Dataset:
+    return simulate("2d", seed, robots=3, poses=3000, landmarks=150)
+
+
+@pytest.mark.parametrize("seed", [7, 9])  # of the first windows of both something stands out by chance
+def test_what_stands_out_of_a_long_log_by_chance_is_asked_again(seed: int) -> None:
+    assert not _is_suspicious(_long(seed))
+
+
+def test_what_is_wrong_in_a_long_log_stands_out_again() -> None:
+    log = _long(0)
+    wrong = [replace(t, whitening=t.whitening / 0.93) if t.source == "landmarks" else t for t in log.tables]
+    assert _is_suspicious(log.with_tables(wrong))
 
 
 @pytest.mark.parametrize("method", ["join", "full"])

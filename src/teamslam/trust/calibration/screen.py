@@ -10,7 +10,9 @@ measured and of a few drawn from the model as it is stated. Of both,
 
 are held beside each other (see `beside`). The four share SUSPICION among them, and each shares its part among its
 numbers (Bonferroni): of teams with a right model fewer are looked at more closely, and of these fewer still are changed
-(`search`, `choice`). Of a long log windows of rows are looked at, NUMBERS in all: what is wrong shows in these.
+(`search`, `choice`). Of a long log windows of rows are looked at, NUMBERS in all: what is wrong shows in these. Of a
+very long one, of which a closer look takes long, what stands out is asked again of AGAIN times as many other windows:
+what is there stands out twice as far in these, and what was chance is gone.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,6 +37,7 @@ from teamslam.trust.calibration.terms import TERMS, scene_of
 SUSPICION = 0.05  # of teams with a right model
 MOST_DRAWS, LEAST_DRAWS, DRAWN = 16, 4, 250_000  # numbers drawn in all, about
 NUMBERS, WINDOW = 30_000, 128  # looked at, in windows of so many rows
+AGAIN = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +56,17 @@ class Glance:
 
 def suspicious(at: AtMap) -> bool:
     """Whether a closer look at a map's rows is worth its time. Raises SolveError where they do not determine it."""
-    seen, names = _glances(at), at.joined.names
+    return all(_stands_out(at, seen) for seen in _looks(at))
+
+
+def _stands_out(at: AtMap, seen: Sequence[Glance]) -> bool:
+    names = at.joined.names
     asked = (_sizes(seen), _slips(seen, names), _signs(seen, names), _pulls(at, seen, names))
     return any(min(each) < SUSPICION / 4 / len(each) for each in map(list, asked) if each)
 
 
-def _glances(at: AtMap) -> list[Glance]:
+def _looks(at: AtMap) -> Iterator[list[Glance]]:
+    """The rows that are looked at, and those that are asked again."""
     system, values, names = at.gap.system, at.values, at.joined.names
     measured = [system.whitened(place, values) for place in range(len(at.tables))]
     numbers = sum(u.size for u in measured)
@@ -77,10 +85,12 @@ def _glances(at: AtMap) -> list[Glance]:
     velocity = np.zeros(system.free.dof) if still else velocities(values, system.free, names)
     ahead = system.along(values, np.column_stack([steps, velocity]))
     every = 1 + numbers // NUMBERS
-    return [
-        _glance(*each, np.arange(len(each[0])) // WINDOW % every == 0)
-        for each in zip(at.tables, both, weights, ahead, strict=True)
-    ]
+    windows = [np.arange(len(each)) // WINDOW for each in both]
+    looks = [[window % every == 0 for window in windows]]
+    if every > AGAIN:  # of a table with few windows all of them again
+        looks.append([(w % every <= AGAIN) & ((w % every > 0) | (w[-1] <= AGAIN)) for w in windows])
+    for seen in looks:
+        yield [_glance(*each) for each in zip(at.tables, both, weights, ahead, seen, strict=True)]
 
 
 def _glance(table: Table, both: Array, weight: Array, ahead: Array, which: BoolArray) -> Glance:
