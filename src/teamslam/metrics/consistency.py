@@ -124,11 +124,11 @@ class _Information:
 
     @classmethod
     def of(cls, submap: Submap, known: Values) -> "_Information":
-        from scipy.sparse.linalg import splu
-
         layout, none = submap.values.layout, sp.csr_array((known.layout.dof, 0))
         if np.array_equal(layout.keys, known.layout.keys):
             return cls(submap.information, none, None)
+        from scipy.sparse.linalg import splu  # takes longer to import than to score a small map
+
         mine = layout.unknowns(known.layout.keys)
         rest = np.setdiff1d(np.arange(layout.dof), mine)
         rows, others = submap.information[mine], sp.csc_matrix(submap.information[rest][:, rest])

@@ -1,5 +1,6 @@
 """The figures of a run, by name: map, convergence, clocks, errors, consistency; those that the run has data for."""
 
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,10 +39,16 @@ OBJECTIVES = {"join": "what joining adds to the cost of the submaps", "full": "c
 
 def figures_of(record: Record) -> "dict[str, Figure]":
     """New figures; nothing is saved. A map for each component; errors and consistency where the truth is known."""
-    figures = {_numbered("map", n): draw_map(scene_of(record, n)) for n in range(len(record.maps))}
-    if any(record.costs):
-        figures["convergence"] = _convergence(record)
-    figures |= _residuals(record) | clocks_figure(record)
+    return {name: figure for part in PARTS for name, figure in part(record).items()}
+
+
+def _maps(record: Record) -> "dict[str, Figure]":
+    return {_numbered("map", n): draw_map(scene_of(record, n)) for n in range(len(record.maps))}
+
+
+def _errors(record: Record) -> "dict[str, Figure]":
+    """Errors along the ways, and whether the covariances are honest about them."""
+    figures: dict[str, Figure] = {}
     for n, submap in enumerate(record.maps):
         found = None if record.truth is None else error_tracks(submap, record.truth, record.covariances[n])
         if found is not None and found.tracks:
@@ -158,8 +165,10 @@ def errors_line(report: "dict[str, Any]") -> str:
     return f"RMSE of {', of '.join(parts)}, after one alignment" if parts else ""
 
 
-def _convergence(record: Record) -> "Figure":
+def _convergence(record: Record) -> "dict[str, Figure]":
     """The last solve of each component that took one."""
+    if not any(record.costs):
+        return {}
     several = len(record.maps) > 1
     lines = {
         f"part {number}" if several else method_name(record): costs
@@ -167,10 +176,13 @@ def _convergence(record: Record) -> "Figure":
         if costs
     }
     exact = record.report.get("exact") or record.method == "full"
-    return draw_convergence(
-        {headline(record).partition(", part")[0]: lines}, objective=OBJECTIVES["full" if exact else "join"]
-    )
+    run = {headline(record).partition(", part")[0]: lines}
+    return {"convergence": draw_convergence(run, objective=OBJECTIVES["full" if exact else "join"])}
 
 
 def _numbered(name: str, number: int) -> str:
     return name if number == 0 else f"{name}_{number + 1}"
+
+
+PARTS: "tuple[Callable[[Record], dict[str, Figure]], ...]" = (_maps, _convergence, _residuals, clocks_figure, _errors)
+"""What draws the figures of a run, in their order."""

@@ -110,10 +110,14 @@ def _by_landmark(record: Record) -> Table:
     sizes: dict[str, list[Array]] = {}
     seers: dict[str, set[str]] = {}
     for found in record.rows:
-        for place, word in enumerate(found.targets):
+        if not any(word.startswith(LANDMARK) for word in found.targets):
+            continue
+        by_target = np.argsort(found.target, kind="stable")
+        ends = np.searchsorted(found.target[by_target], np.arange(len(found.targets) + 1))
+        both = np.stack([found.size, found.weight])[:, by_target]
+        for word, start, stop in zip(found.targets, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             if word.startswith(LANDMARK):
-                mine = found.target == place
-                sizes.setdefault(word, []).append(np.stack([found.size[mine], found.weight[mine]]))
+                sizes.setdefault(word, []).append(both[:, start:stop])
                 seers.setdefault(word, set()).add(found.robot)
     pooled = {word: np.concatenate(parts, -1) for word, parts in sizes.items()}
     order = sorted((word for word in pooled if pooled[word].size), key=lambda word: -_rms(*pooled[word]))
