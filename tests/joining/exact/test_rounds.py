@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strategies import seeds
+from stress.scenario import draw
+from stress.world import log_of
 from teamslam.errors import SolveError
 from teamslam.geometry import Pose
 from teamslam.joining import Joined, build_choices, exact_join, full, join, split
@@ -184,3 +186,10 @@ def test_curvature_that_leads_nowhere_stops_no_rounds(seed: int, world: str) -> 
     except SolveError:
         return  # next to nothing was seen, and what was a loss forgives
     assert all(c.solution is None or c.solution.status is not Status.STUCK for c in joined.components)
+
+
+def test_where_no_shortened_step_goes_down_the_rows_that_are_all_at_hand_lead_on() -> None:
+    """Ranges of 0.1 mm beside odometry of 36 m: a valley so narrow that rounds alone end at 20 times the cost."""
+    log = log_of(draw(11000185))
+    alone = replace(log, tables=tuple(table for table in log.tables if table.robot == 2), truth=None)
+    assert_equal(exact_join(split(alone)), full(alone))

@@ -13,6 +13,10 @@ is grad F = 0: the full nonlinear least squares, though nobody holds all raw dat
 that raises it is known, and halved. What is left is known too: the Newton decrement adds up from the robots' parts.
 Where it falls slowly, robots and coordinator take in how residuals bend (solver.newton), and the rounds are Newton's.
 Rounding of F hides the last of them; they go on while the decrement falls.
+
+Steps are shortened as a whole, never damped, so far from the optimum in a narrow valley none may go down. Robots that
+hold their rows for themselves say so and end there; one process, which holds all, goes on by full least squares from
+there and checks by rounds what that finds.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +37,7 @@ from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.join import Component, Exactness, Joined, in_order, join
 from teamslam.joining.join.optimum import in_the_way, joined_map, less
 from teamslam.model import WORLD, Dataset, Submap, Table, Values
-from teamslam.solver import Options, Solution, Status, Step
+from teamslam.solver import Options, Solution, Status, Step, System, reach
 from teamslam.solver.optimise import DEFAULTS
 
 
@@ -103,24 +107,41 @@ class _Team:
         self, component: Component, gap: float, max_rounds: int, progress: Callable[[Step], None] | None
     ) -> Component:
         """Rounds until they end, and the whole map."""
+        ended = self._course(gap, max_rounds, progress)
+        if ended.status is Status.STUCK:
+            self._go_on_together()
+            ended = self._course(gap, max_rounds, progress)
+        return self._finish(component, ended)
+
+    def _course(self, gap: float, max_rounds: int, progress: Callable[[Step], None] | None) -> Ended:
+        """Rounds from where the team is, asked and answered until they end."""
         course, robots, answer = self.coordinator.course(gap, max_rounds, progress), Parts(self.parts), None
         while True:
             try:
                 ask = course.send(answer) if not isinstance(answer, SolveError) else course.throw(answer)
             except StopIteration as done:
-                return self._finish(component, done.value)
+                ended: Ended = done.value
+                return ended
             try:
                 answer = robots.answer(ask)
             except SolveError as error:
                 answer = error
+
+    def _go_on_together(self) -> None:
+        """Go where full least squares of all rows leads from here."""
+        values, tables = self._everything(), self._tables()
+        system = System(values.layout, tables=tables, fixed=frame_of(self.map), names=self.map.names)
+        found = reach(system, values).values
+        self.coordinator.values = found.only(self.coordinator.values.layout.keys)
+        for part in self.parts:
+            part.values = found.seen_from(found.pose(part.submap.base), part.values.layout)
 
     # --- the result ---------------------------------------------------------------------------------------------
 
     def _finish(self, component: Component, ended: Ended) -> Component:
         """The whole map at the last point, its information, and how exact it is."""
         values = self._everything()
-        tables = [*(table for part in self.parts for table in part.system.tables), *self.raw]
-        gap = gap_at(values, tables, self.map)
+        gap = gap_at(values, self._tables(), self.map)
         solution = self._solution(values, gap, ended.status, ended.history)
         members, fixed = [part.submap for part in self.parts], frame_of(self.map)
         final = joined_map(members, self.raw, solution, fixed, self.map.names, self.map.base_dim)
@@ -132,6 +153,10 @@ class _Team:
             bytes=8 * ended.numbers if len(self.parts) > 1 else 0,
         )
         return Component(final, solution, component.members, exactness, component.dearer)
+
+    def _tables(self) -> list[Table]:
+        """All rows: those of the parts, and those that travel with the submaps."""
+        return [*(table for part in self.parts for table in part.system.tables), *self.raw]
 
     def _everything(self) -> Values:
         """The separators' places, and all robots' interiors seen from there."""
