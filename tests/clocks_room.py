@@ -32,6 +32,9 @@ class Planted:
     camera: Pose = field(default_factory=lambda: CAMERA)  # where it truly is; the team file says CAMERA
     focal: float = 1.0  # longer than the calibration says
     size: float = 1.0  # larger than the team file says
+    centre: tuple[float, float] = (0.0, 0.0)  # farther right and down than the calibration says [pixels]
+    faces: dict[int, Pose] = field(default_factory=dict)  # where tags on cubes truly are; the team file says otherwise
+    edges: dict[int, float] = field(default_factory=dict)  # longer than the team file says, by tag
     line_s: float = 0.0
 
 
@@ -67,13 +70,14 @@ def replaced(record, **fields):
 
 def _corners(made, robot, planted, rng, noise):
     other = 1 - robot
-    lens = made.options.camera.longer(planted.focal)
+    lens = made.options.camera.longer(planted.focal).shifted(*planted.centre)
     frames, frame, ids, corners = [], [], [], []
     for t in made.stamps_s.tolist():
         late = made.clocks.latency(robot)
         frames.append(int(made.clock(robot).own(START_TICK + np.array([round((t + late) * TICKS_PER_S)]))[0]))
-        for number, size, place in _tags(made, other):
-            pixels = _seen(made, robot, t, number, size * planted.size, place, lens, planted)
+        for number, size, place in _tags(made, other, planted):
+            size *= planted.size * planted.edges.get(number, 1.0)
+            pixels = _seen(made, robot, t, number, size, place, lens, planted)
             if pixels is None:
                 continue
             root = np.linalg.cholesky(corner_covariances(pixels[None], 0.02, 0.08)[0])  # as the film's team file says
@@ -97,10 +101,11 @@ def _depths(made, robot, corners, planted):
     return TagDepths.together(parts)
 
 
-def _tags(made, other):
+def _tags(made, other, planted):
     for number, pose in made.stage.walls.items():
         yield number, TAG_M, lambda t, pose=pose: pose
     for number, pose in made.stage.cubes[other].items():
+        pose = planted.faces.get(number, pose)
         yield number, FACE_TAG_M, lambda t, pose=pose: body(made, other, t) @ pose
 
 

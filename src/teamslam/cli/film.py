@@ -1,11 +1,12 @@
 """`teamslam film`: the paper's experiment as cameras would have filmed it, in recordings of ROS, with the truth."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from teamslam.cli.numbers import Whole
 
 if TYPE_CHECKING:
+    from teamslam.geometry import Pose
     from teamslam.io.bags.team_file import TeamFile
     from teamslam.pipeline import Progress
     from teamslam.sim.film import Film
@@ -144,7 +145,7 @@ def write_film(made: "Film", out: Path, to: str, progress: "Progress") -> None:
 def team_of(made: "Film", ending: str) -> "TeamFile":
     """The team file of a film: what its makers know, and nothing of what is to be found out but as truth."""
     from teamslam.frontend.way import WayNoise
-    from teamslam.io.bags.team_file import CameraEntry, CarriedTag, RobotEntry, Tags, TeamFile
+    from teamslam.io.bags.team_file import CameraEntry, CarriedTag, PlacedTag, RobotEntry, Tags, TeamFile
     from teamslam.sim.film.stage import CAMERA, FACE_TAG_M, TAG_M
 
     options = made.options
@@ -165,9 +166,9 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
         depth_floor=0.0,
     )
 
-    def carried(number: int, pose, size_m: float | None = None) -> CarriedTag:  # type: ignore[no-untyped-def]
+    def place(pose: "Pose") -> dict[str, Any]:
         turn = tuple(pose.quaternion_wxyz().tolist())
-        return CarriedTag(number=number, size_m=size_m, xyz_m=tuple(pose.translation.tolist()), quaternion_wxyz=turn)
+        return {"xyz_m": tuple(pose.translation.tolist()), "quaternion_wxyz": turn}
 
     robots = [
         RobotEntry(
@@ -178,9 +179,12 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
             dim=2,
             motion=motion,
             camera=[camera],
-            tag=[carried(number, pose, FACE_TAG_M) for number, pose in made.stage.cubes[k].items()],
+            tag=[
+                CarriedTag(number=number, size_m=FACE_TAG_M, **place(pose))
+                for number, pose in made.stage.cubes[k].items()
+            ],
         )
         for k in made.robots
     ]
-    walls = [carried(number, pose) for number, pose in made.stage.walls.items()]
+    walls = [PlacedTag(number=number, **place(pose)) for number, pose in made.stage.walls.items()]
     return TeamFile(tags=Tags(size_m=TAG_M), robot=robots, truth=walls)

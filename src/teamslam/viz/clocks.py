@@ -13,6 +13,8 @@ from teamslam.viz.style import METHOD_COLOURS, QUIET, plain, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+A_COLUMN = 16  # panels, at most
+
 
 @dataclass(frozen=True, eq=False)
 class Estimated:
@@ -36,9 +38,14 @@ def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
 
     if not numbers:
         raise InputError("no clocks or cameras to draw: nothing was estimated")
-    figure = Figure(figsize=(7.2, 0.7 + 1.6 * len(numbers)), layout="constrained")
-    grid = figure.subplots(len(numbers), 1, squeeze=False, sharex=True)[:, 0]
-    for axes, one in zip(grid, numbers, strict=True):
+    columns = 1 + (len(numbers) - 1) // A_COLUMN
+    rows = -(-len(numbers) // columns)
+    width = 7.2 if columns == 1 else 4.8 * columns
+    figure = Figure(figsize=(width, 0.7 + 1.6 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).T.ravel()
+    for empty in panels[len(numbers) :]:
+        empty.set_axis_off()
+    for axes, one in zip(panels, numbers, strict=False):
         colour = METHOD_COLOURS["full"]
         axes.axhspan(one.value - one.sigma, one.value + one.sigma, color=colour, alpha=0.2, lw=0)
         axes.axhline(one.value, color=colour)
@@ -54,7 +61,8 @@ def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
         room = 0.1 * max(float(np.ptp(near)), 1e-9)
         axes.set_ylim(near.min() - room, near.max() + room)
         axes.set_title(plain(f"{one.name}: {one.value:.4g} +- {one.sigma:.2g}; stated {one.stated:.4g}", 200),
-                       fontsize=8.5, fontweight="normal", loc="left")  # fmt: skip
-    grid[-1].set_xlabel("time since the start [s]")
+                       fontsize=8.5 if columns == 1 else 7.0, fontweight="normal", loc="left")  # fmt: skip
+    for axes in [*panels[rows - 1 : len(numbers) : rows], panels[len(numbers) - 1]]:
+        axes.set_xlabel("time since the start [s]")
     figure.suptitle(plain(title or "Clocks and cameras"), x=0.01, ha="left")
     return figure

@@ -54,6 +54,10 @@ class Camera:
         """With focal lengths `scale` times as long."""
         return self if scale == 1.0 else replace(self, focal=(self.focal[0] * scale, self.focal[1] * scale))
 
+    def shifted(self, x: float, y: float) -> "Camera":
+        """With its centre [pixels] so much farther right and down."""
+        return self if x == y == 0.0 else replace(self, centre=(self.centre[0] + x, self.centre[1] + y))
+
     def project(self, points: Array) -> Array:
         """Where points (..., 3) in the camera's frame appear (..., 2) [pixels]; NaN for those that it cannot see."""
         a, b, seen = _in_image(self.model, np.asarray(points, float))

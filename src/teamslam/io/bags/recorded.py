@@ -95,7 +95,7 @@ def _pictures_in_files(path: Path, camera: CameraEntry, folder: Path) -> Picture
 
 
 def _camera_of(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:
-    return _calibrated(camera, folder, recording).longer(camera.focal_scale)
+    return _calibrated(camera, folder, recording).longer(camera.focal_scale).shifted(*camera.centre_px)
 
 
 def _calibrated(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:

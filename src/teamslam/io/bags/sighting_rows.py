@@ -8,6 +8,7 @@ the keyframe's instant (`frontend.tags.late`).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from msgspec import structs
@@ -103,10 +104,16 @@ class Part:
     def differs(self, one: Sequence[Seen], other: Sequence[Seen]) -> bool:
         """Whether its rows may be others by the clocks, cameras and tags of another team."""
         here, there = (team[self.number - 1].views[self.camera] for team in (one, other))
-        if here.entry != there.entry or here.camera != there.camera or here.tags[:1] != there.tags[:1]:
+        if here.entry != there.entry or here.camera != there.camera or self._seen_otherwise(here, there):
             return True
         seen = np.unique(self.carriers[self.carriers > 0]).tolist()
         return any(one[n - 1].clock != other[n - 1].clock for n in {self.number, *seen} if seen)
+
+    def _seen_otherwise(self, here: View, there: View) -> bool:
+        """Whether tags that it shows are others (`io.bags.unknowns` keeps the very same where they are not)."""
+        if here.tags is there.tags:
+            return False
+        return any(one is not other for one, other in compress(zip(here.tags, there.tags, strict=True), self.mine))
 
     def differs_in_place(self, one: Sequence[Seen], other: Sequence[Seen]) -> bool:
         """Whether nothing of its rows but the place of the camera may differ."""

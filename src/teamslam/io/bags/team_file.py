@@ -62,11 +62,27 @@ class Placed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         return Pose.from_quaternion(np.array(self.xyz_m), turn)
 
 
-class CarriedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """A tag on a body."""
+class PlacedTag(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """A tag somewhere."""
 
     number: int
     size_m: float | None = None
+
+
+class UnsureTag(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """How well what is stated of a tag on a body is known, standard deviations: what is above 0 is estimated, as far as
+    the recording tells. Of where it is (`xyz_m`) and how it is turned (`rotation_rad`) about each axis of the body; of
+    its edge a share."""
+
+    xyz_m: float = 0.0
+    rotation_rad: float = 0.0
+    edge: float = 0.0
+
+
+class CarriedTag(PlacedTag, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """A tag on a body, and how well that is known."""
+
+    sigma: UnsureTag = UnsureTag()
 
 
 class StatedClock(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -83,13 +99,15 @@ class StatedClock(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 class Unsure(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """How well what is stated of a camera is known, standard deviations: what is above 0 is estimated, as far as the
     recording tells; `delay_s` left out, where it contradicts what is stated. Of where a camera is (`xyz_m`) and how it
-    is turned (`rotation_rad`) about each axis of the body; of its focal lengths a share."""
+    is turned (`rotation_rad`) about each axis of the body; of its focal lengths a share, of its principal point pixels,
+    right and down (`centre_px`)."""
 
     delay_s: float | None = None
     line_s: float = 0.0
     xyz_m: float = 0.0
     rotation_rad: float = 0.0
     focal: float = 0.0
+    centre_px: float = 0.0
 
 
 class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -100,8 +118,8 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     for pixel, and `depth_floor` the share of the distance by which all of them may be off. `floor_px` and `edge_px` are
     the corners' noise (frontend.tags.noise); `delay_s` is how long before its stamp the middle line of an image was
     taken; `line_s` is how much later than the line above each line is read, 0 where all are exposed at once (below
-    zero: from below); `focal_scale` is how much longer its focal lengths are than its calibration says. `sigma` says
-    how well these are known."""
+    zero: from below); `focal_scale` is how much longer its focal lengths are than its calibration says, and `centre_px`
+    how much farther right and down its principal point is. `sigma` says how well these are known."""
 
     name: str
     tags: str = ""
@@ -117,6 +135,7 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     delay_s: float = 0.0
     line_s: float = 0.0
     focal_scale: float = 1.0
+    centre_px: tuple[float, float] = (0.0, 0.0)
     sigma: Unsure = Unsure()
 
 
@@ -175,7 +194,7 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     tags: Tags
     robot: list[RobotEntry]
     landmark: list[LandmarkEntry] = []
-    truth: list[CarriedTag] = []
+    truth: list[PlacedTag] = []
     options: dict[str, object] = {}
 
     def with_recordings(self, others: Sequence[str], path: Path) -> "TeamFile":
@@ -197,7 +216,7 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def carried(self) -> dict[int, Tag]:
         """The tags on robots and on landmarks of several tags, by number. InputError for one that stands twice."""
         out: dict[int, Tag] = {}
-        for name, is_robot, tag in self._entries():
+        for name, is_robot, tag in self.bodies():
             if tag.number in out:
                 raise InputError(f"tag {tag.number} is on {out[tag.number].carrier} and on {name}", field="tag")
             size = self.size_of(tag.number) if tag.size_m is None else tag.size_m * self.tags.size_scale
@@ -208,7 +227,8 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         """The edge of a tag [m]."""
         return self.tags.sizes_m.get(str(number), self.tags.size_m) * self.tags.size_scale
 
-    def _entries(self) -> Iterator[tuple[str, bool, CarriedTag]]:
+    def bodies(self) -> Iterator[tuple[str, bool, CarriedTag]]:
+        """Every tag on a body: who carries it, and whether that is a robot."""
         for robot in self.robot:
             yield from ((robot.name, True, tag) for tag in robot.tag)
         for landmark in self.landmark:
@@ -248,6 +268,8 @@ def _check(team: TeamFile) -> None:
     sizes = [team.tags.size_m, *team.tags.sizes_m.values(), *(tag.size_m for tag in team.carried().values())]
     if not all(0.0 < size < np.inf for size in sizes):
         raise InputError("the edge of a tag is above 0 [m]", field="tags.size_m")
+    if not all(_sigmas(*msgspec.structs.astuple(tag.sigma)) for _, _, tag in team.bodies()):
+        raise InputError("standard deviations are 0 or more", field="tag.sigma")
     if not 0.0 <= team.tags.size_sigma < 1.0:
         raise InputError("size_sigma is a share, from 0 to 1", field="tags.size_sigma")
     for robot in team.robot:
@@ -265,6 +287,8 @@ def _check(team: TeamFile) -> None:
         for camera in robot.camera:
             if not _sigmas(*msgspec.structs.astuple(camera.sigma)):
                 raise InputError("standard deviations are 0 or more", field="robot.camera.sigma")
+            if not np.isfinite(camera.centre_px).all():
+                raise InputError("centre_px is two finite numbers of pixels", field="robot.camera.centre_px")
             if not 0.0 < camera.focal_scale < np.inf:
                 raise InputError("focal_scale is above 0", field="robot.camera.focal_scale")
             if bool(camera.tags) == bool(camera.images):

@@ -33,6 +33,8 @@ def _number(found: Found, value: float) -> str:
         return f"{1e6 * value:.3f} us" if found.unknown.name == "line time" else f"{1e3 * value:.2f} ms"
     if unit == "m":
         return f"{1e3 * value:.2f} mm"
+    if unit == "px":
+        return f"{value:.2f} px"
     if unit == "rad":
         return f"{value * 57.29577951308232:.3f} degrees"
     return f"{value:.5f}"
