@@ -43,6 +43,7 @@ def test_robots_that_are_killed_lose_nothing(tmp_path: Path) -> None:
     assert row["maps_equal"] and row["equal_to_offline"] and not row["told_and_gone"]
 
 
+@pytest.mark.slow
 def test_memory_handles_and_threads_stay_flat(tmp_path: Path) -> None:
     pytest.importorskip("zenoh")
     found = campaign("soak", tmp_path / "rows.json", "--robots", 2, "--minutes", 0.2)
@@ -57,6 +58,7 @@ def test_packets_that_make_no_sense_change_nothing(tmp_path: Path) -> None:
     assert flooded["refused"] == flooded["unsound"] - flooded["shut_out"] > 500
 
 
+@pytest.mark.slow
 def test_what_a_robot_carries_does_not_grow_with_robots_that_it_never_meets(tmp_path: Path) -> None:
     rows = campaign("crowd", tmp_path / "rows.json", "--teams", 4, 9)["rows"]
     all_, grouped = ({r["robots"]: r for r in rows if r["reach"] == reach} for reach in ("all", "groups"))

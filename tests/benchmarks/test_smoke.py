@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from thinned import thinned
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -25,7 +27,7 @@ def test_the_small_benchmark_runs(dim: int, tmp_path: Path) -> None:
     assert {row["solver"] for row in report["rows"]} | set(report["absent"]) == {"teamslam", "gtsam", "g2opy"}
 
 
-@pytest.mark.parametrize("preset", ["2d", "planar"])
+@pytest.mark.parametrize("preset", thinned(2, ["2d", "planar"]))
 def test_from_log_to_map_has_a_row_for_every_stage(preset: str, tmp_path: Path) -> None:
     out = tmp_path / "rows.json"
     command = [sys.executable, "benchmarks/log_to_map.py", "--preset", preset, "--poses", "60", "--json", str(out)]

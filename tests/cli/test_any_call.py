@@ -101,7 +101,7 @@ def calls(draw: st.DrawFn) -> list[str]:
     return call
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(call=calls())
 def test_any_call_ends_in_words(world: Path, call: list[str]) -> None:
     before = {path: path.stat().st_mtime_ns for path in world.iterdir()}

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from teamslam.io import write
 from teamslam.sim import simulate
 
@@ -34,6 +36,7 @@ def test_a_mission_that_hangs_together_and_one_that_does_not(teamslam, tmp_path:
     assert teamslam("plan", path).code == 0
 
 
+@pytest.mark.slow
 def test_a_preset_and_its_log_are_the_same_plan(teamslam, tmp_path: Path) -> None:
     write(simulate("2d", seed=2), tmp_path / "log", "plain")
     by_log = teamslam("plan", tmp_path / "log")

@@ -90,6 +90,7 @@ def test_where_no_robot_wrote_there_is_no_status(teamslam, tmp_path: Path) -> No
     assert called.code == 2 and "no robot has written one" in called.err
 
 
+@pytest.mark.slow
 def test_a_budget_is_kept_on_each_line_and_what_is_lacked_is_told(teamslam, log: Path, tmp_path: Path) -> None:
     called = teamslam("team", log, "--out", tmp_path / "out", "--poses-per-piece", 9, "--in-memory", "--budget", 2500)
     assert called.code == 1 and "some lack what others hold" in called.err

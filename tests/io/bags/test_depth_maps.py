@@ -62,6 +62,7 @@ def test_a_map_with_depths_knows_more_and_is_as_sure_as_it_should_be(log):
     assert 0.7 < one < min(1.3, other + 0.1)
 
 
+@pytest.mark.slow
 def test_cameras_move_depths_as_reading_again_does():
     """Where they are, how they are turned, how long their lenses are; by clocks the keyframes would be others."""
     unsure = Unsure(delay_s=0.0, xyz_m=0.02, rotation_rad=0.03, focal=0.01)
@@ -80,6 +81,7 @@ def test_cameras_move_depths_as_reading_again_does():
             assert np.abs(e).max() < 2e-2 and table.sensor.minus(other.sensor) == pytest.approx(0.0)
 
 
+@pytest.mark.slow
 def test_a_late_camera_is_found_with_depths_too():
     """Rows of depth are moved in time as corners are: what a latency that is stated wrongly does to both agrees."""
     unsure = Unsure(delay_s=0.01)

@@ -102,6 +102,7 @@ def test_a_small_share_of_a_step_goes_down_as_its_slope_says(world: str) -> None
     np.testing.assert_allclose(still.minus(part.values), 0.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_stiff_steps_with_headings_that_are_open_go_down_to_the_optimum() -> None:
     """Places between which lengths are known to 10 um and headings not at all: the paper's join lies 1e5 sigma off."""
     rng = np.random.default_rng(0)
@@ -167,7 +168,7 @@ def test_submaps_that_are_built_already_are_not_built_again() -> None:
     assert all(member.startswith("my ") for member in elsewhere.components[0].members)
 
 
-@settings(max_examples=40)
+@settings(max_examples=12)
 @given(seeds, st.sampled_from(WORLDS))
 def test_curvature_that_leads_nowhere_stops_no_rounds(seed: int, world: str) -> None:
     """Under losses that forgive, far from an optimum, a step by how residuals bend may go up however short it is: the

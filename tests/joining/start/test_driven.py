@@ -64,6 +64,7 @@ def whole(victoria_park: Dataset) -> float:
     return build(victoria_park).cost
 
 
+@pytest.mark.slow
 def test_a_log_that_dead_reckoning_misleads_fits(victoria_park: Dataset, whole: float) -> None:
     """An optimum from dead reckoning costs 93 times its degrees of freedom; one that makes sense costs one of each or
     less."""

@@ -84,6 +84,7 @@ def test_what_ranges_from_all_sides_hold_is_in_the_submap(rng: np.random.Generat
     assert submap.values.layout.contains(landmark_key(1)) and not submap.raw
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(generators)
 def test_the_team_decides(rng: np.random.Generator) -> None:
@@ -130,6 +131,7 @@ def test_robots_of_a_plane_all_put_what_is_off_it_above(side: float) -> None:
     assert submap.values.positions(landmark_key(np.array([1])), 3)[0, 2] == pytest.approx(3.0, abs=0.5)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(generators, st.integers(6, 10))
 def test_a_second_place_is_where_a_search_ends(rng: np.random.Generator, n: int) -> None:
