@@ -6,7 +6,6 @@ import pytest
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import Track
 from teamslam.frontend.way import WayNoise, beside_the_line, jumps, standing, steps_between
-from teamslam.frontend.way import moved as moved_by
 from teamslam.geometry import Pose, so3
 
 NOISE = WayNoise(speed_m_s=0.8, turn_rad_s=0.5, fastest_m_s=2.0)
@@ -115,23 +114,6 @@ def test_messages_that_shake_do_not_lengthen_the_way():
     shaking = Track(track.ticks, Pose(track.poses.rotation, track.poses.translation + jitter))
     still, shaken = (steps_between(seen, keyframes, NOISE).covariances for seen in (track, shaking))
     np.testing.assert_allclose(shaken, still, atol=0.02 * still.max())
-
-
-def test_the_motion_of_a_moment_is_that_of_the_way():
-    track, ticks, over_s = drive(), np.array([1_000_000, 7_777_777]), np.array([[-0.02, 0.0, 0.03], [0.01, 0.02, 0.0]])
-    found = moved_by(track, ticks, over_s, NOISE)
-    turn, lift = found.minus(Pose.identity(3, over_s.shape))[..., 5], found.translation[..., 2]
-    np.testing.assert_allclose(turn, 0.2 * over_s, atol=1e-6)
-    np.testing.assert_allclose(lift, 0.1 * over_s, atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(found.translation[..., :2], axis=-1), np.abs(over_s), rtol=1e-3)
-
-
-def test_where_odometry_jumps_or_is_missing_nothing_moves_in_a_moment():
-    jumped = moved(drive(), 200, np.array([3.0, 0.0, 0.0]))  # at 10 s
-    found = moved_by(jumped, np.array([5_000_000, 10_000_000, 60_000_000]), np.full((3, 1), 0.02), NOISE)
-    assert np.linalg.norm(found.translation[0, 0]) > 0.015
-    np.testing.assert_array_equal(found.translation[1:], 0.0)
-    assert moved_by(jumped.select(slice(0, 1)), np.array([0]), np.ones((1, 4)), NOISE).batch == (1, 4)
 
 
 def missed(track, every):

@@ -8,7 +8,6 @@ tells nothing: the robot is taken to have gone on as the motion model says, with
                          were driven, and a wrong turn carries off what was driven after it
     between messages:    a straight line from one to the next, and how far the way may be beside it: by its differences
     motion model:        stands still, give or take speed * dt and turn * dt (a camera carried by hand)
-    within moments:      X(t)^-1 X(t + d) = Exp(d v), v by odometry from t - WINDOW_S to t + WINDOW_S
 """
 
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import TICKS_PER_S, Track
 from teamslam.geometry import Array, BoolArray, IntArray, Pose, so3
 
-WINDOW_S = 0.05  # to each side: long beside the noise of wheels, short beside what changes how a robot moves
 CHORD_S = 0.1  # of which the way driven is made: shorter ones would add the noise of messages to it
 
 
@@ -118,29 +116,6 @@ def driven_noise(track: Track, keyframes: IntArray, noise: WayNoise) -> Array:
     each[:, 3:, :3] = np.swapaxes(each[:, :3, 3:], 1, 2)
     each[:, 3:, 3:] = r[:, None, None] * np.eye(3)
     return np.asarray(np.add.reduceat(each, np.searchsorted(step, np.arange(len(keyframes) - 1))))
-
-
-def moved(track: Track, ticks: IntArray, over_s: Array, noise: WayNoise, longest_s: float = 1.0) -> Pose:
-    """How a robot moved (m, k) in the moments `over_s` (m, k) after `ticks` (m,), X(t)^-1 X(t + d), as fast as its
-    odometry says it was; not at all where that is missing or jumped.
-
-    Law: exact where velocities in the body do not change within WINDOW_S.
-    """
-    still = Pose.identity(3, over_s.shape)
-    if len(track) < 2:
-        return still
-    order = np.argsort(track.ticks, kind="stable")
-    track = track.select(order[np.append(True, np.diff(track.ticks[order]) > 0)])
-    window, longest = round(WINDOW_S * TICKS_PER_S), round(longest_s * TICKS_PER_S)
-    at = np.clip(np.stack([ticks - window, ticks, ticks + window]), track.ticks[0], track.ticks[-1])
-    poses, held = interpolate(track.ticks, track.poses, at.ravel(), longest)
-    before, here, after = (poses[np.arange(k * len(ticks), (k + 1) * len(ticks))] for k in range(3))
-    to, fro = (here.between(other).minus(Pose.identity(3, ticks.shape)) for other in (after, before))
-    velocity = (to - fro) * TICKS_PER_S / np.maximum(at[2] - at[0], 1)[:, None]
-    fast = np.linalg.norm(velocity[:, :3], axis=1) > noise.fastest_m_s
-    fast |= np.linalg.norm(velocity[:, 3:], axis=1) > noise.fastest_rad_s
-    velocity[fast | ~held.reshape(3, -1).all(0) | (at[2] <= at[0])] = 0.0
-    return Pose.from_tangent(over_s[..., None] * velocity[:, None], 3)
 
 
 def beside_the_line(track: Track, ticks: IntArray) -> Array:

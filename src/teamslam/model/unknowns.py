@@ -3,15 +3,19 @@ well that is known, and the rows that a reader makes depend on them; so the log 
 they others.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import Array, IntArray, Pose
 
 if TYPE_CHECKING:
     from teamslam.model.dataset import Dataset
     from teamslam.model.tables import Table
     from teamslam.model.values import Values
+
+Standing = Mapping[tuple[int, str], tuple[IntArray, Pose]]
+"""By robot and source, how what was seen in rows by their ids (m,), rising, stands to the sensor that saw it (m,)."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,8 @@ class Unknowns(Protocol):
         """The truth of the log, were that of some robots so late."""
         ...
 
-    def varied(self, values: Array) -> "tuple[Table, ...]":
+    def varied(self, values: Array, standing: Standing | None = None) -> "tuple[Table, ...]":
         """The sightings that would be others, were they `values` (k,), at the poses of the log as it is: rows that keep
-        their ids."""
+        their ids. Only how they change counts, and that is asked of a map where `standing` says how that has what was
+        seen; else of what each sighting tells by itself, whose noise is in the sighting as well."""
         ...

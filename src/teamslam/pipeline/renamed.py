@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import Dataset, Table, Unknown, Unknowns, Values
+from teamslam.model import Dataset, Standing, Table, Unknown, Unknowns, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,6 @@ class Renamed:
         """The truth of the log, were that of some robots so late."""
         return self.of.truth_with(late_s)
 
-    def varied(self, values: Array) -> tuple[Table, ...]:
+    def varied(self, values: Array, standing: Standing | None = None) -> tuple[Table, ...]:
         """Those sightings that would be others, were they."""
-        return self.mend(self.log.with_tables(self.of.varied(values))).tables
+        return self.mend(self.log.with_tables(self.of.varied(values, standing))).tables

@@ -54,7 +54,7 @@ def test_step_and_covariance_are_those_of_least_squares_over_map_and_unknowns_to
     log, _ = lab
     log = log.unknowns.again(log.unknowns.values + np.array([1e-3, 1e-3, 1e-5, 1e-3]))
     maps = [AtMap(log.tables, component.map) for component in full(log, options=Options()).components]
-    effects = Effects(log.unknowns)
+    effects = Effects(log.unknowns, maps)
     found = normal_at(maps, log.unknowns, effects)
     free = np.flatnonzero(~found.held)
     back = np.array([unknown.stated for unknown in log.unknowns.each]) - log.unknowns.values

@@ -5,7 +5,7 @@ Eye E sees corner c of body B at t + d, in direction u. What it would have seen 
 
     P c  =  M_E q + R_P (c - M_B c),     q = r u = M_E^-1 P M_B c,     M_X = X(t)^-1 X(t + d),     P = E(t)^-1 B(t)
 
-The motions are odometry's (`frontend.way.moved`). P is the pose that the corners tell, first as they were seen, then as
+The motions are odometry's (`frontend.moments`). P is the pose that the corners tell, first as they were seen, then as
 they would have been: of it only the distance r counts for the eye's motion, so that the noise of u stays what it is.
 """
 

@@ -13,18 +13,18 @@ from itertools import compress
 import numpy as np
 from msgspec import structs
 
+from teamslam.frontend.moments import moved
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.depth import planes
 from teamslam.frontend.tags.late import Motion
 from teamslam.frontend.tags.plane_rows import plane_rows
 from teamslam.frontend.tags.rows import LOOKING, corner_rows
-from teamslam.frontend.way import moved
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
 from teamslam.geometry.resection import resect
 from teamslam.io.bags.seen import Seen, View
 from teamslam.io.bags.team_file import CameraEntry, TeamFile
-from teamslam.model import Loss, Table, landmark_key, landmark_number, pose_key
+from teamslam.model import Loss, Standing, Table, landmark_key, landmark_number, pose_key
 
 SOURCES = ("landmarks", "robots")
 DEPTH = "_depth"  # after a source: of its depths
@@ -65,16 +65,20 @@ class Part:
     carriers: IntArray
     targets: IntArray
 
-    def tables(self, team: Sequence[Seen], loss: Loss, standing: Pose | None = None) -> list[Table]:
+    def tables(
+        self, team: Sequence[Seen], loss: Loss, standing: Pose | None = None, corners: Array | None = None
+    ) -> list[Table]:
         """Its rows, by the clocks and cameras of `team`, and those of depth where the camera has any, by the same ids;
-        `standing` as in `corner_rows`."""
+        `standing` as in `corner_rows`, `corners` (m, 4, 2) [pixels] other ones than were seen."""
         view = team[self.number - 1].views[self.camera].select(self.mine)
+        if corners is not None:
+            view = replace(view, corners=replace(view.corners, corners=corners))
         motion = _motion(view, view.line_late_s, self, team)
         values, white, good = corner_rows(
             view.corners, view.camera, list(view.tags), view.entry.floor_px, view.entry.edge_px, motion, standing
         )
-        corners = self._table("corners", view, (values, white), good, loss)
-        return [corners] if view.depths is None else [corners, self._depths(view, (values, white), good, team, loss)]
+        rows = self._table("corners", view, (values, white), good, loss)
+        return [rows] if view.depths is None else [rows, self._depths(view, (values, white), good, team, loss)]
 
     def _depths(
         self, view: View, corners: tuple[Array, Array], good: BoolArray, team: Sequence[Seen], loss: Loss
@@ -130,11 +134,34 @@ class Part:
         return replace(table, sensor=team[self.number - 1].views[self.camera].entry.pose @ LOOKING)
 
     def standing(self, table: Table) -> Pose:
-        """How carriers stood to the eye (m,) at the keyframes of its rows; rows that are not in the table: anyhow."""
+        """How carriers stood to the eye (m,) at the keyframes of its rows, as each tells by itself; rows that
+        are not in the table: anyhow."""
         rays, points = (table.values[:, part].reshape(-1, 4, 3) for part in (slice(0, 12), slice(12, 24)))
         found, rows = resect(rays, points, table.whitening).poses[:, 0], np.searchsorted(self.ids, table.ids)
         rotation, translation = np.tile(np.eye(3), (len(self.ids), 1, 1)), np.tile([1.0, 0.0, 0.0], (len(self.ids), 1))
         rotation[rows], translation[rows] = found.rotation, found.translation
+        return Pose(rotation, translation)
+
+    def expected(self, team: Sequence[Seen], standing: Pose) -> Array:
+        """Where the corners (m, 4, 2) [pixels] would have been seen by the clocks and cameras of `team`, did carriers
+        stand so to the eye (m,) at the keyframes; as they were seen where no image shows that."""
+        view = team[self.number - 1].views[self.camera].select(self.mine)
+        motion = _motion(view, view.line_late_s, self, team)
+        points = np.array([tag.corners for tag in view.tags])
+        there = points if motion is None else motion.body.act(points)
+        there = there @ np.swapaxes(standing.rotation, -1, -2) + standing.translation[:, None]
+        ahead = (there if motion is None else motion.eye.unact(there)) @ LOOKING.rotation.T
+        pixels = view.camera.project(ahead)
+        shown = np.all((ahead[..., 2] > 0.0) & view.camera.rays(pixels)[1], axis=-1)
+        return np.where(shown[:, None, None], pixels, view.corners.corners)
+
+    def standing_by(self, known: Standing, alone: Pose) -> Pose:
+        """How carriers stood to the eye (m,) where that is known by a map; else `alone`."""
+        ids, there = known.get((self.number, self.source), (self.ids[:0], alone))
+        rows = np.flatnonzero(np.isin(self.ids, ids))
+        at = np.searchsorted(ids, self.ids[rows])
+        rotation, translation = alone.rotation.copy(), alone.translation.copy()
+        rotation[rows], translation[rows] = there.rotation[at], there.translation[at]
         return Pose(rotation, translation)
 
 

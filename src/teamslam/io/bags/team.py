@@ -35,6 +35,7 @@ from teamslam.model import (
     Kind,
     Loss,
     Names,
+    Standing,
     Table,
     Unknown,
     Values,
@@ -164,8 +165,8 @@ class Reading:
         log = Dataset({k + 1: robot.entry.dim for k, robot in enumerate(self.used)}, self.tables)
         return _truth(self.used, self.file, log, late_s)
 
-    def varied(self, values: Array) -> tuple[Table, ...]:
-        """Those sightings of this log that would be others, were the unknowns."""
+    def varied(self, values: Array, standing: Standing | None = None) -> tuple[Table, ...]:
+        """Those sightings of this log that would be others, were the unknowns; `standing` as a map has it."""
         now = team_with(self.used, file_with(self.recordings.file, self.recordings.stated, values))
         tables: list[Table] = []
         for n, part in enumerate(self._parts):
@@ -174,11 +175,12 @@ class Reading:
             if n not in self._made:
                 bases = part.tables(self.used, self._loss)
                 self._made[n] = bases, part.standing(bases[0])
-            bases, standing = self._made[n]
+            bases, alone = self._made[n]
             if part.differs_in_place(self.used, now):
                 tables += [part.moved(base, now) for base in bases]
             else:
-                tables += part.tables(now, self._loss, standing)
+                there = part.standing_by(standing or {}, alone)
+                tables += part.tables(now, self._loss, there, part.expected(self.used, there))
         return tuple(tables)
 
     @cached_property

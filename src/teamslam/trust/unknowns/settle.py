@@ -92,7 +92,7 @@ def _settled(
         rows = adapted(log)
         joined = full(rows, initial=None if joined is None else near(joined, rows), options=options)
         maps = [AtMap(rows.tables, component.map) for component in joined.components]
-        effects = Effects(unknowns)
+        effects = Effects(unknowns, maps)
         normal = normal_at(maps, unknowns, effects)
         step = normal.step
         done = bool((np.abs(step) < SETTLED * normal.sigmas).all())
