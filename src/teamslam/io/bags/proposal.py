@@ -1,43 +1,78 @@
 """A first team file for a recording: robots, cameras and topics as they seem to belong together, with what only people
 know left open.
 
-One odometry is one robot; of several in one recording each has the topics that begin as its own does (/robot1/odom and
-/robot1/camera/tags). A camera is a topic of tags or images, and goes with the calibration beside it (camera_info).
+One odometry is one robot. Of several in one recording each has the topics that begin as its own does (/robot1/odom and
+/robot1/camera/tags); where no camera's topic begins so, they are several of one robot. A camera is a topic of tags or
+images, and goes with the calibration beside it (camera_info). Poses whose topic is called after motion capture, or the
+truth, are no odometry.
 """
 
+import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from teamslam.io.bags.contents import Contents, TopicContents
 
+TRUTH = re.compile("mocap|motion_capture|vicon|vrpn|optitrack|qualisys|ground_?truth|gt$|truth", re.IGNORECASE)
 COMMON = {"tags", "detections", "tag_detections", "image", "image_raw", "image_rect", "image_color", "compressed"}
 
 
 def proposal(found: Contents) -> str:
     """The text of a team file (TOML) for what a recording holds; lines to check end in '# ?'."""
     lines = ["[tags]", "size_m = 0.15  # ? the edge of the black square", ""]
-    for name, odometry, cameras in _robots(found):
-        lines += ["[[robot]]", f"name = {_text(name)}", f"recording = {_text(found.path.name)}"]
-        if odometry is not None:
-            lines.append(f"odometry = {_text(odometry.name)}")
+    robots = list(_robots(found))
+    for robot in robots:
+        lines += ["[[robot]]", f"name = {_text(robot.name)}", f"recording = {_text(found.path.name)}"]
+        if robot.ways:
+            others = " or ".join(way.name for way in robot.ways[1:])
+            lines.append(f"odometry = {_text(robot.ways[0].name)}" + (f"  # ? or {others}" if others else ""))
+        for truth in _truths(found):
+            if len(robots) == 1 or robot.name in truth.name.split("/"):
+                lines.append(f"truth = {_text(truth.name)}  # ? results are scored against it, no map is made by it")
+                break
         lines.append("")
-        for camera in cameras:
+        for camera in robot.cameras:
             lines += [*_camera(camera, found), ""]
+    told = {camera.name for robot in robots for camera in robot.cameras}
+    lines += [f"# {topic.name}: ? a camera of which robot" for topic in _seeing(found) if topic.name not in told]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _robots(found: Contents) -> Iterator[tuple[str, TopicContents | None, Sequence[TopicContents]]]:
-    ways = found.of_role("odometry") or found.of_role("pose")[:1]
-    seeing = found.of_role("tags") or _images(found) or found.of_role("tag poses")
-    if len(ways) < 2:
-        yield found.path.stem, ways[0] if ways else None, seeing
-        return
+@dataclass(frozen=True)
+class _Robot:
+    """A robot, its odometry, the likeliest first, and the topics of its cameras."""
+
+    name: str
+    ways: Sequence[TopicContents]
+    cameras: Sequence[TopicContents]
+
+
+def _robots(found: Contents) -> Iterator[_Robot]:
+    ways, seeing = _ways(found), _seeing(found)
     spaces = [_space(way.name) for way in ways]
-    if len(set(spaces)) < len(spaces):  # several odometries of one robot: the most frequent is taken
-        yield found.path.stem, max(ways, key=lambda way: len(way.stamps_s)), seeing
+    own = [[topic for topic in seeing if _space(topic.name) == space] for space in spaces]
+    if len(ways) < 2 or len(set(spaces)) < len(spaces) or (seeing and not any(own)):
+        yield _Robot(found.path.stem, sorted(ways, key=lambda way: -len(way.stamps_s)), seeing)
         return
-    for way, space in zip(ways, spaces, strict=True):
-        yield space, way, [topic for topic in seeing if _space(topic.name) == space]
+    for way, space, cameras in zip(ways, spaces, own, strict=True):
+        yield _Robot(space, [way], cameras)
+
+
+def _ways(found: Contents) -> list[TopicContents]:
+    """The topics that say how robots moved."""
+    odometry, poses = ([t for t in found.of_role(role) if not TRUTH.search(t.name)] for role in ("odometry", "pose"))
+    return odometry or poses[:1]
+
+
+def _truths(found: Contents) -> list[TopicContents]:
+    """The topics that say where robots truly were."""
+    return [t for role in ("pose", "odometry") for t in found.of_role(role) if TRUTH.search(t.name)]
+
+
+def _seeing(found: Contents) -> Sequence[TopicContents]:
+    """The topics of cameras: of tags, or else of images."""
+    return found.of_role("tags") or _images(found) or found.of_role("tag poses")
 
 
 def _images(found: Contents) -> list[TopicContents]:

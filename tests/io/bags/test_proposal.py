@@ -1,0 +1,42 @@
+"""The first team file that is proposed for a recording: which topics are one robot's."""
+
+import tomllib
+
+import pytest
+
+import recordings
+from teamslam.io.bags import contents, proposal
+
+CORNERS = [[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]
+
+
+def proposed(folder, ways, cameras):
+    """The robots of the team file for a recording with these topics, and its text."""
+    messages = []
+    for k in range(12):
+        stamp = 10**18 + k * 100_000_000
+        messages += [recordings.odometry(topic, stamp, (0.1 * k, 0.0, 0.0)) for topic in ways]
+        messages += [recordings.detections(topic, stamp, [(3, CORNERS)]) for topic in cameras]
+    text = proposal(contents(recordings.write(folder, "mcap", messages)))
+    return tomllib.loads(text)["robot"], text
+
+
+def test_odometries_that_no_camera_goes_with_are_one_robots(tmp_path):
+    """A drone with visual odometry and wheels' that has its cameras under other names."""
+    (robot,), text = proposed(tmp_path, ["/vio/odometry", "/wheels/odom"], ["/down/tags", "/rear/tags"])
+    assert robot["odometry"] == "/vio/odometry" and "# ? or /wheels/odom" in text
+    assert [camera["tags"] for camera in robot["camera"]] == ["/down/tags", "/rear/tags"]
+
+
+@pytest.mark.parametrize("topic", ["/mocap/pose", "/vicon/drone/odom", "/ground_truth", "/drone/gt"])
+def test_motion_capture_is_truth_and_no_robot(tmp_path, topic):
+    (robot,), _ = proposed(tmp_path, [topic, "/vio"], ["/down/tags"])
+    assert robot["odometry"] == "/vio" and robot["truth"] == topic and len(robot["camera"]) == 1
+
+
+def test_robots_by_their_names_have_the_truth_that_names_them(tmp_path):
+    ways, cameras = ["/ann/odom", "/ben/odom", "/mocap/ben", "/mocap/ann"], ["/ann/tags", "/ben/tags", "/roof/tags"]
+    robots, text = proposed(tmp_path, ways, cameras)
+    assert [(robot["name"], robot["truth"]) for robot in robots] == [("ann", "/mocap/ann"), ("ben", "/mocap/ben")]
+    assert [[camera["tags"] for camera in robot["camera"]] for robot in robots] == [["/ann/tags"], ["/ben/tags"]]
+    assert "# /roof/tags: ?" in text
