@@ -115,7 +115,7 @@ def _told(
     with meanwhile(lambda: [known.all for known in asked]):
         if config.method == "join":
             clock.start("exactness")
-            at = _at(calibration.put_right(log), joined) if calibration else at
+            at = [calibration.at(c.map, log) for c in joined.components] if calibration else at
             joined = with_exactness(joined, pairs(pieces, submaps), at)
         if calibration:  # each row is judged by the deviation that it has alone
             log = calibration.put_right(log, weigh=False)

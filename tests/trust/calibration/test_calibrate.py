@@ -78,3 +78,9 @@ def test_covariances_are_honest_again(plant: Callable[[Dataset], Dataset]) -> No
     after = [run(log, Config(method="full")) for log in logs]
     assert BAND[0] < _nees(after) < BAND[1]
     assert abs(np.log(_nees_of_poses(after))) < 0.5 * abs(np.log(_nees_of_poses(before)))
+
+
+def test_where_errors_last_most_teams_are_within_their_own_band() -> None:
+    results = [run(persistent(team(seed), 0.9), Config(method="full")) for seed in range(6)]
+    inside = [c is not None and c.nees.inside for c in (r.scores[0].consistency for r in results)]
+    assert sum(map(bool, inside)) >= 4  # 0.95 each by the model that is true; 0.16 by rows that are only tempered

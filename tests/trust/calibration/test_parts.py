@@ -10,9 +10,11 @@ from teamslam.trust.calibration.calibrate import calibrate
 from teamslam.trust.calibration.carried import rows_inside
 from teamslam.trust.calibration.choice import chosen
 from teamslam.trust.calibration.estimate import estimate
+from teamslam.trust.calibration.fading import refined
 from teamslam.trust.calibration.persistence import WHITE, Curve, Pairs, Persistence, hanging, tempering
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.sigmas import sigmas_of
+from teamslam.trust.calibration.successive import Successive
 from trust.calibration.faulty import offset, team
 
 
@@ -96,6 +98,55 @@ def test_tempered_rows_know_their_mean_as_well_as_correlated_ones() -> None:
     weights = temper[:, 0] ** -2 / np.sum(temper[:, 0] ** -2)
     assert np.sum(temper[:, 0] ** -2) ** -1 == pytest.approx(weights @ covariance @ weights, rel=0.1)
     assert (temper[:, 1] == 1.0).all()
+
+
+def test_tempered_rows_and_how_they_differ_know_all_that_fading_errors_leave() -> None:
+    table, fade = _looks(60, targets=1), 0.9
+    held = (Persistence(same=Curve(1.0, -1.0 / np.log(fade), 0.0)), Persistence())
+    successive = Successive.of(table, Names(), held)
+    (temper,) = tempering([table], Names(), held)
+    differ = successive.whitened(np.broadcast_to(np.eye(2), (60, 2, 2))).toarray()
+    information = np.diag(temper.ravel() ** -2) + differ.T @ differ
+    t = np.arange(60.0)
+    exact = np.linalg.inv(fade ** np.abs(t[:, None] - t))
+    inner = slice(25, 35)  # far from either end, where fewer hang together
+    assert np.allclose(information[::2, ::2][inner, inner], exact[inner, inner], atol=5e-3)
+    assert np.allclose(information[1::2, 1::2], np.eye(60))  # the other part's errors do not hang together
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        Persistence(same=Curve(0.8, 5.0, 0.0)),
+        Persistence(same=Curve(0.8, 20.0, 0.1)),
+        Persistence(same=Curve(0.9, 5.0, 0.1), across=Curve(0.1, 3.0, 0.0)),
+    ],
+)
+def test_what_rows_say_of_how_they_differ_is_never_more_than_there_is(held: Persistence) -> None:
+    table = _looks(120, targets=2)
+    successive = Successive.of(table, Names(), (held, Persistence()))
+    (temper,) = tempering([table], Names(), (held, Persistence()))
+    differ = successive.whitened(np.broadcast_to(np.eye(2), (120, 2, 2))).toarray()[:, ::2]
+    information = np.diag(temper[:, 0] ** -2) + differ.T @ differ
+    t, alike = np.arange(120.0), np.arange(120)[:, None] % 2 == np.arange(120) % 2
+    apart = np.abs(t[:, None] - t)
+    covariance = held.across(apart) + np.where(alike, held.own(apart), 0.0) + held.alone * np.eye(120)
+    most = np.linalg.eigvals(information @ covariance).real.max()
+    assert len(successive.root) > 100 and most < 1.15  # 1: as much as there is; ends of ways know a little more
+
+
+def test_how_nearly_all_errors_fade_is_found_again_whatever_it_was_held_to_be() -> None:
+    table, rng, found = _looks(400, targets=2), np.random.default_rng(6), []
+    pairs, truth = Pairs.of([table], Names()), Curve(1.0, 9.5, 0.0)
+    for _ in range(20):
+        errors, held = _lasting(table, truth, rng), Persistence(same=Curve(0.9, 4.0, 0.0))
+        for _ in range(3):
+            drawn = hanging(rng.standard_normal((400, 2, 16)), table, Names(), (held, Persistence()))[:, 0]
+            held = refined(pairs, np.concatenate([errors[:, None], drawn], 1), held)
+        found.append(1.0 - held.same(np.array([2.0]))[0])
+    expected = 1.0 - truth(np.array([2.0]))[0]  # a white error's mean square, of n numbers, is off by (2 / n)^1/2
+    assert np.mean(found) == pytest.approx(expected, rel=0.05)
+    assert np.std(found) < 0.12 * expected
 
 
 def test_a_submap_that_carries_systematic_errors_knows_what_least_squares_over_both_knows() -> None:

@@ -14,6 +14,7 @@ from teamslam.trust.calibration.estimate import Estimate, changes_of, estimate, 
 from teamslam.trust.calibration.persistence import Persistence
 from teamslam.trust.calibration.sigmas import Sigmas, sigmas_of
 from teamslam.trust.calibration.slips import SLIPS
+from teamslam.trust.calibration.still import PutRight
 from teamslam.trust.calibration.systematic import Systematic
 
 WILD = 10.0
@@ -92,11 +93,15 @@ class Calibration:
 
     def carried_by(self, submap: Submap, piece: Dataset) -> Submap:
         """The submap of a piece that was put right, with systematic errors among its variables (see `carried`)."""
-        return carrying(submap, rows_inside(submap, piece), self.systematic)
+        return carrying(submap, rows_inside(submap, piece), self.systematic, self.changes)
+
+    def at(self, map: Submap, log: Dataset) -> AtMap:
+        """The log put right, at a map of it."""
+        return PutRight(self.put_right(log).tables, map, self.changes)
 
     def carried_by_all(self, map: Submap, tables: Iterable[Table]) -> Submap:
         """The same of a map of all measurements."""
-        return carrying(map, AtMap(list(tables), map).tables, self.systematic)
+        return carrying(map, AtMap(list(tables), map).tables, self.systematic, self.changes)
 
 
 def calibrate(at: Sequence[AtMap]) -> Calibration:

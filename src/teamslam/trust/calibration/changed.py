@@ -13,22 +13,25 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from teamslam.geometry import Array
 from teamslam.model import Table
 from teamslam.model.losses import SQUARED
+from teamslam.trust.calibration.successive import Successive
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
     """What is to be changed of the rows of one sensor: `rows`, by rising ids, with the noise that they have; `shift`
     (m, residual rows) to be taken out of their measurements, by how much they are to be `temper`-ed (m, residual rows),
-    and what their loss weighs them by (m,)."""
+    what their loss weighs them by (m,), and what those that follow each other say of how they differ (`successive`)."""
 
     rows: Table
     shift: Array
     temper: Array
     weight: Array
+    successive: Successive
 
     def of(self, table: Table) -> bool:
         """Whether it is about this table's rows."""
@@ -54,6 +57,25 @@ class Change:
             root = np.sqrt(self.weight[at])[:, None, None] / self.temper[at][:, None, :]
             right = replace(right, whitening=root * right.whitening, loss=SQUARED)
         yield right
+
+
+def differing(table: Table, changes: Sequence[Change]) -> sp.csr_array | None:
+    """What takes errors (m r,) of rows that were put right to how those that follow each other differ, in deviations;
+    None where they say nothing of it."""
+    found = []
+    for change in changes:
+        if change.of(table) and len(change.successive.root):
+            order = np.argsort(table.ids)
+            ids = table.ids[order]
+            at = np.minimum(np.searchsorted(ids, change.rows.ids), len(ids) - 1)
+            places = np.where(ids[at] == change.rows.ids, order[at], -1)
+            mine = change.successive.among(places)
+            if len(mine.root):
+                whitening = np.zeros((len(table), *change.rows.whitening.shape[1:]))
+                there = places >= 0
+                whitening[places[there]] = np.sqrt(change.weight[there])[:, None, None] * change.rows.whitening[there]
+                found.append(mine.whitened(whitening))
+    return sp.csr_array(sp.vstack(found)) if found else None
 
 
 def put_right(tables: Iterable[Table], changes: Sequence[Change], *, weigh: bool = True) -> list[Table]:

@@ -16,10 +16,11 @@ from teamslam.trust.calibration.changed import Change
 from teamslam.trust.calibration.drawn import white_noise
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.posterior import Fit
-from teamslam.trust.calibration.rows import Linear, lasting_of, linear_at
+from teamslam.trust.calibration.rows import Linear, is_sighting, lasting_of, linear_at
 from teamslam.trust.calibration.screen import suspicious
 from teamslam.trust.calibration.search import Kinds, Search
 from teamslam.trust.calibration.slips import Slips
+from teamslam.trust.calibration.successive import Successive
 from teamslam.trust.calibration.systematic import Systematic
 
 FEWEST = 10  # numbers to spare, from which something may be told
@@ -94,5 +95,10 @@ def changes_of(found: Estimate, systematic: Sequence[Systematic]) -> list[Change
         effects = [(error.value, error.on(sorted_rows)) for error in systematic]
         shift = sum((value * e for value, e in effects if e is not None), np.zeros_like(temper))
         now = replace(sorted_rows, whitening=noise.all_whitening[order])
-        out.append(Change(now, shift, temper[order], noise.weights(rest)[order, 0]))
+        held = found.kinds.get(table.kind, ()) if is_sighting(table) else ()
+        if any(each.sharp for each in held):
+            successive = Successive.of(sorted_rows, found.linear.names, held)
+        else:
+            successive = Successive.none(temper.shape[1])
+        out.append(Change(now, shift, temper[order], noise.weights(rest)[order, 0], successive))
     return out

@@ -17,6 +17,7 @@ from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.model import Names, Table, chi2_quantile, is_pose, robot_of
 
 FALSE_ALARM = 1e-3  # that errors which do not hang together are said to
+SHARP = 0.75  # of errors, from which on their differences are known sharply
 BINS = 12
 FEWEST, MOST = 100, 200_000  # pairs to speak of a correlation, and of those near by or far that are looked at
 WHITE = 4  # draws of white noise that measured errors are held against
@@ -51,6 +52,22 @@ class Persistence:
     def nothing(self) -> bool:
         """Whether errors do not hang together."""
         return self.same.nothing and self.across.nothing
+
+    @property
+    def own(self) -> Curve:
+        """What errors of one target hang together by beyond what those of all targets do."""
+        brief, steady = self.same.brief - self.across.brief, self.same.steady - self.across.steady
+        return Curve(max(brief, 0.0), self.same.lasting_s, max(steady, 0.0))
+
+    @property
+    def sharp(self) -> bool:
+        """Whether so much of what errors of one target are hangs together that how they differ is known sharply."""
+        return self.own.brief + self.own.steady > SHARP
+
+    @property
+    def alone(self) -> float:
+        """The share of errors that does not hang together."""
+        return max(1.0 - sum(c.brief + c.steady for c in (self.own, self.across)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +173,8 @@ def hanging(white: Array, table: Table, names: Names, held: Sequence[Persistence
     for part, each in enumerate(held):
         if each.nothing:
             continue
-        common, own = each.across, each.same
-        brief, steady = max(own.brief - common.brief, 0.0), max(own.steady - common.steady, 0.0)
+        common, own = each.across, each.own
+        brief, steady = own.brief, own.steady
         whole = max(common.brief + common.steady + brief + steady, 1.0)  # by chance more than all there is
         common_brief, common_steady, brief, steady = (
             share / whole for share in (common.brief, common.steady, brief, steady)

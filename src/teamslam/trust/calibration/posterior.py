@@ -37,17 +37,32 @@ class Fit:
     followed: Array
 
     @classmethod
-    def of(cls, linear: Linear, roots: Sequence[Array], choice: Choice | None = None) -> "Fit":
-        """The estimator by `roots` w^1/2 W (m, r, r) of each table, with the systematic errors of a `choice`; without
-        one, every one that there may be is in, as its first guess lets it. Raises SolveError where the rows do not
-        determine the map."""
+    def of(
+        cls,
+        linear: Linear,
+        roots: Sequence[Array],
+        choice: Choice | None = None,
+        differing: Sequence[sp.csr_array | None] = (),
+    ) -> "Fit":
+        """The estimator by `roots` w^1/2 W (m, r, r) of each table, and by how rows that follow each other differ, with
+        the systematic errors of a `choice`; without one, every one that there may be is in, as its first guess lets it.
+        Raises SolveError where the rows do not determine the map."""
         at, values = linear.at, linear.at.values
         tables = [replace(t, whitening=root, loss=SQUARED) for t, root in zip(linear.tables, roots, strict=True)]
         system = System(values.layout, tables=tables, fixed=held_at(at), names=linear.names)
-        factor = at.gap.system.factor(values)  # of one structure: analysed once
-        factor.factorise(system.linearise(values).hessian.numbers)
         choice = choice or Choice.all(len(linear.columns))
         weight = _diagonal([np.swapaxes(root, 1, 2) @ root for root in roots])
+        if any(each is not None for each in differing):
+            parts = zip(differing, linear.tables, strict=True)
+            between = sp.block_diag(
+                [sp.csr_array((0, len(t) * t.row.residual_rows(t.dim))) if d is None else d for d, t in parts], "csr"
+            )
+            weight = sp.csr_array(weight + between.T @ between)
+            information = sp.csr_array(linear.jacobian.T @ (weight @ linear.jacobian))
+            factor = Factor.of(at.gap.free, information, linear.names, values)
+        else:
+            factor = at.gap.system.factor(values)  # of one structure: analysed once
+            factor.factorise(system.linearise(values).hessian.numbers)
         return cls._with(linear, weight, factor, Pulled.of(linear, weight, factor, choice.inside), choice)
 
     @classmethod

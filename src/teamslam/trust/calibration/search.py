@@ -10,10 +10,12 @@ much, as what is left of those measured.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray
 from teamslam.trust.calibration.choice import Choice
 from teamslam.trust.calibration.drawn import beside_drawn, by_chance, off
+from teamslam.trust.calibration.fading import refined, settles
 from teamslam.trust.calibration.hidden import hidden
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.persistence import WHITE, Pairs, Persistence, hanging, tempering
@@ -22,9 +24,11 @@ from teamslam.trust.calibration.rows import Linear, is_sighting
 from teamslam.trust.calibration.sizes import Sizes
 from teamslam.trust.calibration.slipping import Scores
 from teamslam.trust.calibration.slips import SLIPS, Slips
+from teamslam.trust.calibration.successive import Successive
 
 SWEEPS, SETTLED = 2, 0.02  # how many at most, until scales change by less than this share
 SLIDES = 4  # more steps of slips at most
+REFINED = 4  # how often at most it is looked at again how errors fade
 SLIPPING = 0.02  # that a slip comes in of odometry that does not, where something else is wrong
 FALSE_ALARM = 0.01  # that any scale is changed of a team whose sigmas are right
 
@@ -73,8 +77,10 @@ class Search:
         self.theta = np.zeros(len(SLIPS))  # errors that hang together may pass for slips until it is known how they do
         self._move()
         self._settle(None)
-        self._settle(self._fit().chosen().choice)
-        return self._fit().chosen()
+        choice = self._fit().chosen().choice
+        self._settle(choice)
+        self._refine(choice)
+        return self._fit(differing=True).chosen()
 
     def _settle(self, choice: Choice | None) -> None:
         """Sweeps with some systematic errors let in, until scales and slips settle; then how errors last, and, once
@@ -103,12 +109,54 @@ class Search:
         self._move()
         return bool((self.theta != before).any())
 
-    def _fit(self, *, tempered: bool = True, choice: Choice | None = None) -> Fit:
+    def _refine(self, choice: Choice) -> None:
+        """How errors fade of which nearly all hang together, and scales beside it, until they settle (see `fading`)."""
+        for _ in range(REFINED):
+            kinds = self.lasting.items()
+            which = [(kind, part) for kind, parts in kinds for part, each in enumerate(parts) if each.sharp]
+            if not which:
+                break
+            both, before, scales = self._left(self._fit(choice=choice, differing=True)), self.lasting, self.scales
+            self.left = [part[..., :1] for part in both]
+            self.scales = self._seen(self._scales(both))
+            held = {kind: list(parts) for kind, parts in before.items()}
+            for kind, part in which:
+                held[kind][part] = refined(self.pairs[kind], self._sizes(kind, part, both, scales), before[kind][part])
+            self._temper({kind: tuple(parts) for kind, parts in held.items()})
+            self._move()
+            changes = [np.abs(np.log(new / old)).max() for new, old in zip(self.scales, scales, strict=True)]
+            if max(changes) < SETTLED and all(settles(before[kind][part], held[kind][part]) for kind, part in which):
+                break
+
+    def _sizes(self, kind: Kind, part: int, both: Sequence[Array], scales: Sequence[Array]) -> Array:
+        """One part of errors (rows, 1 + draws) of a kind, those drawn in the deviations that they had, by `scales`, and
+        those measured in the deviations that they have now."""
+        sizes = []
+        for k in self.kinds[kind]:
+            size = self.now[k].sizes(both[k])[:, part]
+            sizes.append(size * np.where(np.arange(size.shape[1]) == 0, scales[k][part] / self.scales[k][part], 1.0))
+        return np.concatenate(sizes)
+
+    def _fit(self, *, tempered: bool = True, differing: bool = False, choice: Choice | None = None) -> Fit:
         roots = []
         for noise, left, temper in zip(self.now, self.left, self.tempers, strict=True):
             root = np.sqrt(noise.weights(left))[..., None] * noise.whitening
             roots.append(root / temper[:, None, :] if tempered else root)
-        return Fit.of(self.linear, roots, choice)
+        return Fit.of(self.linear, roots, choice, self._differing() if differing else ())
+
+    def _differing(self) -> list[sp.csr_array | None]:
+        """What takes the errors of each table to how those that follow each other differ, by its noise; None where they
+        say nothing of it."""
+        out: list[sp.csr_array | None] = [None] * len(self.now)
+        for kind, held in self.lasting.items():
+            if not any(each.sharp for each in held):
+                continue
+            for k in self.kinds[kind]:
+                noise = self.now[k]
+                successive = Successive.of(noise.table, self.linear.names, held)
+                root = np.sqrt(noise.weights(self.left[k]))[..., None] * noise.all_whitening
+                out[k] = successive.whitened(root)
+        return out
 
     def _left(self, fit: Fit) -> list[Array]:
         """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn that hang together as these
@@ -155,7 +203,11 @@ class Search:
 
     def _hang(self, both: Sequence[Array]) -> None:
         """How errors of each part of each kind of sighting last, all robots together, and what that leaves of them."""
-        self.lasting = {kind: self._persistences(kind, both) for kind in self.kinds}
+        self._temper({kind: self._persistences(kind, both) for kind in self.kinds})
+
+    def _temper(self, lasting: Kinds) -> None:
+        """Rows by what those that hang together so count."""
+        self.lasting = lasting
         for kind, members in self.kinds.items():
             tables = [self.linear.tables[k] for k in members]
             for k, temper in zip(members, tempering(tables, self.linear.names, self.lasting[kind]), strict=True):
