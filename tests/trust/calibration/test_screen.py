@@ -33,7 +33,7 @@ def _long(seed: int) -> Dataset:
     return simulate("2d", seed, robots=3, poses=3000, landmarks=150)
 
 
-@pytest.mark.parametrize("seed", [7, 9])  # of the first windows of both something stands out by chance
+@pytest.mark.parametrize("seed", [7, 9])  # something of the first windows stands out by chance
 def test_what_stands_out_of_a_long_log_by_chance_is_asked_again(seed: int) -> None:
     assert not _is_suspicious(_long(seed))
 

@@ -11,8 +11,9 @@ measured and of a few drawn from the model as it is stated. Of both,
 are held beside each other (see `beside`). The four share SUSPICION among them, and each shares its part among its
 numbers (Bonferroni): of teams with a right model fewer are looked at more closely, and of these fewer still are changed
 (`search`, `choice`). Of a long log windows of rows are looked at, NUMBERS in all: what is wrong shows in these. Of a
-very long one, of which a closer look takes long, what stands out is asked again of AGAIN times as many other windows:
-what is there stands out twice as far in these, and what was chance is gone.
+very long one, of which a closer look takes long, what stands out is asked again of AGAIN times as many other windows,
+beside MOST_DRAWS new draws: what is there stands out twice as far in these, and what was chance is gone, be it that of
+the rows or, in a small table, that of few draws.
 """
 
 from collections.abc import Iterator, Sequence
@@ -66,11 +67,23 @@ def _stands_out(at: AtMap, seen: Sequence[Glance]) -> bool:
 
 
 def _looks(at: AtMap) -> Iterator[list[Glance]]:
-    """The rows that are looked at, and those that are asked again."""
-    system, values, names = at.gap.system, at.values, at.joined.names
-    measured = [system.whitened(place, values) for place in range(len(at.tables))]
+    """The rows that are looked at, beside as many draws as the log is small, and those that are asked again, beside
+    most."""
+    measured = [at.gap.system.whitened(place, at.values) for place in range(len(at.tables))]
     numbers = sum(u.size for u in measured)
-    draws, rng = int(np.clip(DRAWN // max(numbers, 1), LEAST_DRAWS, MOST_DRAWS)), np.random.default_rng(0)
+    every, windows = 1 + numbers // NUMBERS, [np.arange(len(u)) // WINDOW for u in measured]
+    draws = int(np.clip(DRAWN // max(numbers, 1), LEAST_DRAWS, MOST_DRAWS))
+    yield _look(at, measured, np.random.default_rng(0), draws, [w % every == 0 for w in windows])
+    if every > AGAIN:  # of a table with few windows all of them again
+        seen = [(w % every <= AGAIN) & ((w % every > 0) | (w[-1] <= AGAIN)) for w in windows]
+        yield _look(at, measured, np.random.default_rng(1), MOST_DRAWS, seen)
+
+
+def _look(
+    at: AtMap, measured: Sequence[Array], rng: np.random.Generator, draws: int, seen: Sequence[BoolArray]
+) -> list[Glance]:
+    """What is left of errors measured and drawn, of the rows of each table that are `seen`."""
+    system, values, names = at.gap.system, at.values, at.joined.names
     both = [np.concatenate([u[..., None], rng.standard_normal((*u.shape, draws), np.float32)], -1) for u in measured]
     for table, each in zip(at.tables, both, strict=True):
         if not (told := (table.whitening != 0.0).any(-1)).all():
@@ -84,13 +97,7 @@ def _looks(at: AtMap) -> Iterator[list[Glance]]:
     still = names.counts
     velocity = np.zeros(system.free.dof) if still else velocities(values, system.free, names)
     ahead = system.along(values, np.column_stack([steps, velocity]))
-    every = 1 + numbers // NUMBERS
-    windows = [np.arange(len(each)) // WINDOW for each in both]
-    looks = [[window % every == 0 for window in windows]]
-    if every > AGAIN:  # of a table with few windows all of them again
-        looks.append([(w % every <= AGAIN) & ((w % every > 0) | (w[-1] <= AGAIN)) for w in windows])
-    for seen in looks:
-        yield [_glance(*each) for each in zip(at.tables, both, weights, ahead, seen, strict=True)]
+    return [_glance(*each) for each in zip(at.tables, both, weights, ahead, seen, strict=True)]
 
 
 def _glance(table: Table, both: Array, weight: Array, ahead: Array, which: BoolArray) -> Glance:
