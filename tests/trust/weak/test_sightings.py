@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hung import tied_by_heading, two_halves
 from teamslam.joining import full
 from teamslam.joining.exact.gap import point_of
-from teamslam.model import MODELS, Dataset, Table, is_landmark
+from teamslam.model import MODELS, Dataset, Loss, Table, is_landmark
 from teamslam.sim.noise import plus
 from teamslam.solver import System
 from teamslam.trust.weak import Knowledge, knowledge_from, weakest_of
@@ -156,3 +156,18 @@ def test_each_viewpoint_is_solved_for_once_however_many_sightings_are_weighed(mo
     look_next(weak, eyes)
     of_robots = 3 * 2 * VIEWPOINTS  # viewpoints at landmarks, and those of meetings
     assert sum(columns) <= 3 * of_robots + len(weak.directions)
+
+
+def test_a_misread_does_not_make_a_sensor_see_farther() -> None:
+    """A sighting that its loss gives next to no weight is of another landmark than it says, and shows no reach."""
+    log = team("2d", poses=20, landmarks=20, sees=0.3)
+    assert log.truth is not None
+    table = next(t for t in log.tables if is_landmark(t.keys[:, 1]).all())
+    away = np.linalg.norm(np.subtract(*(log.truth.positions(keys, 2) for keys in table.keys.T)), axis=-1)
+    near, far = np.flatnonzero(away < np.median(away)), np.argmax(away)
+    robust = table.select(near).with_loss(Loss("cauchy", 4.0))
+    keys = robust.keys.copy()
+    keys[0] = table.keys[far]  # what was seen near is said to be far away
+    (right,), (beside,) = (eyes_of([t], log.truth) for t in (robust.select(slice(1, None)), replace(robust, keys=keys)))
+    assert away[far] > 1.2 * right.reach
+    assert (beside.reach, beside.cosine) == (right.reach, right.cosine)

@@ -1,4 +1,5 @@
-"""What a team's sensors could see: each as a kind of sighting, no farther and no wider than it has seen already."""
+"""What a team's sensors could see: each as a kind of sighting, no farther and no wider than it has seen already; a
+sighting that next to nothing is given on, since it fits nothing, shows neither."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +10,7 @@ from teamslam.geometry import Array, BoolArray, IntArray, Pose, lift_points
 from teamslam.model import SQUARED, Kind, Table, Values, is_landmark, is_pose, robot_of
 
 SLACK = 1.0 + 1e-9
+WRONG = 0.1  # of the weight of a sighting: with less it is of something else than it says
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,8 @@ def _kinds_of_rows(table: Table) -> Iterator[tuple[bool, IntArray]]:
 
 
 def _eye(table: Table, sees_robots: bool, values: Values) -> Eye:
+    weight = table.loss.weight(np.sum(table.whitened(values) ** 2, -1))
+    table = table.select(np.flatnonzero(weight > WRONG)) if (weight > WRONG).any() else table
     seen = _seen(table, values)
     distance = np.linalg.norm(seen, axis=-1)
     away = distance > 0.0
