@@ -11,7 +11,7 @@ from teamslam.model import Dataset, Table
 from teamslam.sim.scenario import Options, Robot, simulate_options
 from teamslam.sim.sense import Sensor
 from teamslam.trust.calibration.persistence import targets_of
-from teamslam.trust.calibration.rows import linearised, velocities
+from teamslam.trust.calibration.rows import velocities
 
 Change = Callable[[Table, Array, Array], Table]
 SCALE, OFFSET_M, DELAY_S, CORRELATION = 0.03, 0.05, 0.05, 0.9
@@ -64,16 +64,15 @@ def misstated(team: Dataset, times: float, *, odometry: bool = False) -> Dataset
 
 
 def late(team: Dataset, delay_s: float) -> Dataset:
-    """Sightings of what was to be seen a moment before their stamps, to first order."""
+    """Sightings of what was to be seen a moment before their stamps, from where robots were then."""
     truth, names = team.truth, team.names
     assert truth is not None
-    speeds = velocities(truth, truth.layout, names)
+    before = truth.retract(-delay_s * velocities(truth, truth.layout, names))
 
     def change(table: Table, h: Array, e: Array) -> Table:
         if table.source == "odometry":
             return table
-        ((_, jacobian),) = linearised([table], truth, np.zeros(0, np.int64), names)
-        return replace(table, values=table.row.plus(h, e - delay_s * (jacobian @ speeds).reshape(e.shape), table.dim))
+        return replace(table, values=table.row.plus(table.predict(before), e, table.dim))
 
     return planted(team, change)
 
