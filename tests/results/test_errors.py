@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
-from teamslam.geometry import Pose
-from teamslam.model import Values
+from teamslam.geometry import Pose, concatenate
+from teamslam.model import Kind, Sources, Submap, Values, landmark_key, pose_key
 from teamslam.pipeline import Result
 from teamslam.results.errors import error_tracks, truth_by_team
 from teamslam.solver import Covariances
@@ -64,3 +65,20 @@ def test_a_map_without_the_truth_of_its_base_is_compared_by_the_whole_team(resul
     tracks = error_tracks(submap, truth.select(truth.layout.keys != submap.base), result.covariances[0])
     assert len(tracks.tracks) == len(result.dataset.robots) and "after one alignment" in tracks.frame
     assert max(float(np.abs(t.error).max()) for t in tracks.tracks) < 0.5
+
+
+def test_the_truth_of_landmarks_with_a_turn_of_which_only_the_place_is_known_comes_home() -> None:
+    """Tags that a survey has as points, in a map that has them as poses; a place without its height is none of them."""
+    rng = np.random.default_rng(3)
+    robots, tags = pose_key(1, np.arange(6)), landmark_key(np.arange(4))
+    poses, faces = (Pose.from_tangent(rng.normal(size=(n, 6)), 3) for n in (6, 4))
+    values = Values.of({Kind.POSE3: (np.concatenate([robots, tags]), concatenate([poses, faces]))})
+    base = int(robots[0])
+    seen = values.seen_from(values.pose(base), values.layout)
+    known = seen.select(seen.layout.keys != base)
+    submap = Submap("one", 0, base, 3, known, sp.eye_array(known.layout.dof, format="csr"), Sources())
+    survey = {Kind.POSE3: (robots, poses), Kind.POINT3: (tags[:3], faces.translation[:3])}
+    flat = Values.of({Kind.POINT2: (tags[3:], faces.translation[3:, :2])})
+    home = truth_by_team(submap, Values.of(survey))
+    np.testing.assert_allclose(home.positions(tags[:3], 3), submap.all_values.positions(tags[:3], 3), atol=1e-9)
+    assert not truth_by_team(submap, Values.of(survey).update(flat)).layout.contains(tags[3:]).any()

@@ -53,7 +53,7 @@ def tracks(dof: int = 3) -> list[ErrorTrack]:
     sigma = np.full((50, dof), 0.1)
     error = sigma * rng.standard_normal((50, dof))
     nees = np.mean((error / sigma) ** 2, -1)
-    labels, units = ("x", "y", "z")[:dof], ("m",) * dof
+    labels, units = ("x", "y", "z", "rx", "ry", "rz")[:dof], ("m", "m", "m", "rad", "rad", "rad")[:dof]
     return [ErrorTrack(name, np.arange(50.0), error, sigma, nees, labels, units) for name in ("1", "b")]
 
 
@@ -192,6 +192,18 @@ def test_errors_tell_the_share_within_three_sigma(dof: int) -> None:
         and "time since the start [s]" in written
         and "RMSE" in written
     )
+
+
+def test_headings_of_the_plane_stand_beside_turns_about_z() -> None:
+    """A robot of the plane and one of space: six rows, and each column is labelled below its last."""
+    flat, deep = (tracks(dof)[k] for k, dof in enumerate((3, 6)))
+    flat = replace(flat, labels=("x", "y", "heading"), units=("m", "m", "rad"))
+    figure = draw_errors([deep, flat])
+    shown = [axes for axes in figure.axes if axes.axison]
+    assert len(figure.axes) == 12 and len(shown) == 9
+    below = [axes for axes in shown if axes.get_xlabel()]
+    assert len(below) == 2 and len({axes.get_position().y0 for axes in below}) == 1
+    assert "heading" not in texts(figure)
 
 
 def test_consistency_shows_the_bound_and_each_robots_mean() -> None:

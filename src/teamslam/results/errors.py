@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.metrics import align_team, truth_at_base
 from teamslam.metrics.frames import as_kinds
-from teamslam.model import WORLD, Submap, Values
+from teamslam.model import WORLD, Submap, Values, is_landmark
 from teamslam.solver import Covariances
 from teamslam.viz import ErrorTrack
 
@@ -42,14 +42,19 @@ def error_tracks(submap: Submap, truth: Values, covariances: Covariances) -> Tra
 
 
 def truth_by_team(submap: Submap, truth: Values) -> Values:
-    """The truth of the map's variables in the frame of the map, by one rigid fit of the whole team.
+    """The truth of the map's variables in the frame of the map, by one rigid fit of the whole team; of landmarks of
+    which nobody says how they are turned, where they are.
 
     Empty where the two have nothing in common, or too little to hold the fit.
     """
     aligned = align_team(submap, truth)
     if aligned is None or not aligned.held:
         return Values.of({})
-    return as_kinds(truth, submap.all_values.layout).transform(aligned.pose.inverse())
+    layout = submap.all_values.layout
+    known, keys = as_kinds(truth, layout), truth.layout.keys
+    alone = is_landmark(keys) & layout.contains(keys) & ~known.layout.contains(keys)
+    alone[alone] = truth.layout.kinds[alone] % 2 >= layout.kinds[layout.index(keys[alone])] % 2
+    return known.update(truth.select(alone)).transform(aligned.pose.inverse())
 
 
 def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int, start_s: float) -> ErrorTrack | None:

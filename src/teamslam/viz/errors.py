@@ -5,7 +5,7 @@ and its NEES, e' P^-1 e / dof of each pose, near 1 and below the 95 % bound of c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+HEADING, IN_SPACE = "heading [rad]", "rz [rad]"
 MOST_ROBOTS = 8  # drawn side by side, or over each other: more cannot be told apart
 TIME = "time since the start [s]"
 
@@ -57,10 +58,12 @@ class ErrorTrack:
 def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = "", time: str = TIME) -> "Figure":
     """Errors over time with 3-sigma bands: a column a robot, a row a coordinate. InputError where there is no track.
 
-    `time` names what the stamps are. Of many robots some are drawn, and it says which.
+    `time` names what the stamps are. Of many robots some are drawn, and it says which. Headings of robots in the plane
+    are beside the turns about z of those in space.
     """
     if not tracks:
         raise InputError("no errors to draw: the truth of no robot is known")
+    tracks = _turns_together(tracks)
     shown, some = _shown(tracks)
     rows = list(dict.fromkeys(label for track in shown for label in track.axes))
     above = "\n".join(filter(None, (caption, some)))
@@ -82,6 +85,13 @@ def draw_errors(tracks: Sequence[ErrorTrack], title: str = "", caption: str = ""
         axes[first].set_ylabel(label)
     ruled(grid)
     return figure
+
+
+def _turns_together(tracks: Sequence[ErrorTrack]) -> list[ErrorTrack]:
+    """The tracks, with headings called as the turns about z that others have."""
+    if not any(IN_SPACE in track.axes for track in tracks):
+        return list(tracks)
+    return [replace(track, labels=("x", "y", "rz")) if HEADING in track.axes else track for track in tracks]
 
 
 def _within(track: ErrorTrack) -> float:

@@ -13,7 +13,8 @@ def found(drive, seeds):
     out = []
     for seed in seeds:
         known = settled(read(drive, seed), Options())
-        assert known.settled and known.rounds <= 4
+        assert known.settled
+        assert known.rounds <= (8 if drive.noise == "messages" else 4)  # wider means of it reach less far at once
         out.append((known.found[0].value - drive.late_s, known.found[0].sigma))
     return np.array(out).T
 
