@@ -19,6 +19,7 @@ from teamslam.trust.unknowns.windows import Window, windows_of
 
 ROUNDS = 10
 SETTLED = 0.1  # of a sigma
+BACK = 0.25  # of the step before: one that leads back by more went too far, and all are half as long from then on
 TOLD = 0.5  # of the prior: what is not known better than that, the data do not tell
 
 
@@ -86,6 +87,7 @@ def _settled(
     prior = np.array([unknown.prior for unknown in each])
     most = np.array([unknown.most for unknown in each])
     log, joined = _apart(log, options, adapted) if any(unknown.clock_of for unknown in each) else (log, None)
+    share, before = 1.0, np.zeros(len(each))
     for rounds in range(1, ROUNDS + 1):
         tell()
         unknowns = _of(log)
@@ -94,7 +96,9 @@ def _settled(
         maps = [AtMap(rows.tables, component.map) for component in joined.components]
         effects = Effects(unknowns, maps)
         normal = normal_at(maps, unknowns, effects)
-        step = normal.step
+        if (normal.step / normal.sigmas) @ before < -BACK * (before @ before):
+            share *= 0.5
+        step, before = share * normal.step, normal.step / normal.sigmas
         done = bool((np.abs(step) < SETTLED * normal.sigmas).all())
         if done or rounds == ROUNDS:
             break
