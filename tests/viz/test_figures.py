@@ -194,6 +194,17 @@ def test_errors_tell_the_share_within_three_sigma(dof: int) -> None:
     )
 
 
+@pytest.mark.parametrize("size", [1e-2, 4e4, 1e8])
+def test_objectives_that_hardly_fall_are_written_in_full(size: float) -> None:
+    """Nothing is to be added to the ticks, or multiplied with: that would stand on the heading."""
+    figure = draw_convergence({"the cost": {"full least squares": size * np.array([1.00001, 1.0, 1.0])}})
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    shown = [float(tick.get_text().replace("\N{MINUS SIGN}", "-")) for tick in axes.get_yticklabels()]
+    assert any(size <= value <= 1.00001 * size for value in shown)
+
+
 def test_headings_of_the_plane_stand_beside_turns_about_z() -> None:
     """A robot of the plane and one of space: six rows, and each column is labelled below its last."""
     flat, deep = (tracks(dof)[k] for k, dof in enumerate((3, 6)))

@@ -50,6 +50,8 @@ def _cost_axes(axes: "Axes", costs: Mapping[str, Sequence[float]]) -> None:
     values = [c for cost in costs.values() for c in cost]
     if min(values, default=0.0) > 0.0 and max(values) > 3.0 * min(values):
         log_scale(axes)
+    elif max(values) >= 1e-3:  # what all ticks are multiplied with, or added to, would stand on the heading
+        axes.ticklabel_format(axis="y", style="plain", useOffset=False)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("iteration taken")
     axes.legend(title="at the end")
