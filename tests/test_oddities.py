@@ -55,16 +55,20 @@ def test_simulated_logs_have_none(space: str, seed: int) -> None:
     assert list(oddities(simulate(Options(space=space, robots=2), seed))) == []
 
 
-@pytest.mark.parametrize("space", SPACES)
 @pytest.mark.parametrize(
-    ("source", "called", "unit", "factor"),
-    [
-        ("odometry", "odometry", "millimetres", 1e3),
-        ("odometry", "odometry", "feet", 1.0 / 0.3048),
-        ("landmarks", "sightings of landmarks", "millimetres", 1e3),
-    ],
+    ("space", "length"),
+    thinned(
+        3,
+        SPACES,
+        [
+            ("odometry", "odometry", "millimetres", 1e3),
+            ("odometry", "odometry", "feet", 1.0 / 0.3048),
+            ("landmarks", "sightings of landmarks", "millimetres", 1e3),
+        ],
+    ),
 )
-def test_lengths_in_another_unit_are_told(space: str, source: str, called: str, unit: str, factor: float) -> None:
+def test_lengths_in_another_unit_are_told(space: str, length: tuple[str, str, str, float]) -> None:
+    source, called, unit, factor = length
     """Of all robots that hold them, and of the right sensor."""
     log = planted(simulate(Options(space=space, robots=2), 6), source, longer(factor))
     (found,) = oddities(log)

@@ -8,6 +8,7 @@ from metrics_maps import TEAMS, frame_dim, map_of, small, some_frame
 from teamslam.metrics import ChiSquare, fit_of, score, truth_at_base
 from teamslam.model import WORLD, Dataset, Submap, Values, is_landmark, is_pose
 from teamslam.sim import simulate
+from thinned import thinned
 
 TRUTHS = ("all", "without some", "without the base", "landmarks only")
 
@@ -36,8 +37,7 @@ def known(dataset: Dataset, which: str) -> Values:
     return dataset.truth.select(mask)
 
 
-@pytest.mark.parametrize("which", TRUTHS)
-@pytest.mark.parametrize("team", TEAMS)
+@pytest.mark.parametrize(("which", "team"), thinned(2, list(TRUTHS), list(TEAMS)))
 def test_nees_of_gaussian_errors_is_chi_square(team: str, which: str) -> None:
     """Its law, over many maps: Kolmogorov-Smirnov against chi-square with the dof that it states."""
     dataset, rng = small(team, poses=4, landmarks=6), np.random.default_rng(5)

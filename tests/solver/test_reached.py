@@ -17,6 +17,7 @@ from teamslam.geometry import Pose
 from teamslam.joining import build_with_solution
 from teamslam.model import LOSSES, Dataset, Kind, Loss, Names, Table, Values, landmark_key, pack, pose_key
 from teamslam.solver import Covariances, Options, Solution, Status, System, optimise
+from thinned import thinned
 from worlds import WORLDS, team
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
@@ -93,8 +94,7 @@ def test_every_solve_ends_with_finite_numbers_and_a_true_status(seed: int) -> No
         assert left(system, solution.values, "all") <= 1e-2 * max(1.0, 1e-3 * math.sqrt(solution.cost))
 
 
-@pytest.mark.parametrize("world", WORLDS)
-@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize(("world", "loss"), thinned(2, list(WORLDS), list(LOSSES)))
 def test_the_optimum_is_scipys_from_the_same_start(world: str, loss: str) -> None:
     dataset = team(world, robots=2, poses=4, landmarks=3, sees=0.8, every=1, sigma=0.1, seed=11)
     assert dataset.truth is not None

@@ -70,6 +70,7 @@ def test_a_number_on_two_walls_does_not_spoil_the_map(room, honest, tmp_path):
         assert len(off) > 50 and off.max() < 0.01  # sigmas are of millimetres
 
 
+@pytest.mark.slow
 def test_a_tag_that_was_carried_to_another_wall_is_two_landmarks(room, honest, tmp_path):
     """By half a metre, which dead reckoning does not tell: it is said, nobody is suspected, and robots are where they
     are without it."""

@@ -56,7 +56,7 @@ def small(space: str, robots: Robot = ALONE, **more: object) -> Options:
     return Options(space=space, robots=2, poses=25, landmarks=12, team=(robots,), side_m=9.0, **more)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("space", "seed"), thinned(2, ["2d", "planar", "3d"], [1, 2]))
+@pytest.mark.parametrize(("space", "seed"), thinned(3, ["2d", "planar", "3d"], [1, 2]))
 def test_names_are_found_out(space: str, seed: int) -> None:
     """Within each way and across ways that nothing but their constellations ties."""
     log = simulate(small(space), seed=seed)
@@ -126,6 +126,7 @@ def test_a_repeated_pattern_is_left_open_and_said() -> None:
     assert any("may lie to each other" in note for note in found.dataset.notes)
 
 
+@pytest.mark.slow
 def test_false_alarms_are_of_no_landmark() -> None:
     """And are counted."""
     sensor = Sensor("range_bearing", sigma_m=0.05, sigma_rad=0.01, outliers=0.05)
@@ -136,6 +137,7 @@ def test_false_alarms_are_of_no_landmark() -> None:
     assert found.strangers > 0
 
 
+@pytest.mark.slow
 def test_close_groups_of_a_real_log_come_apart(data: Callable[[str], Path]) -> None:
     """MRCLAM 6: fifteen landmarks in groups of two and three, 0.2 m apart, seen by cameras that call depth a range."""
     log = read(data("mrclam_6"))
