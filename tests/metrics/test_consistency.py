@@ -1,12 +1,16 @@
 """NEES: chi-square for errors that are exactly Gaussian, whatever the truth knows; dense algebra as oracle."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
 from metrics_maps import TEAMS, frame_dim, map_of, small, some_frame
+from teamslam.config import Config
 from teamslam.metrics import ChiSquare, fit_of, score, truth_at_base
-from teamslam.model import WORLD, Dataset, Submap, Values, is_landmark, is_pose
+from teamslam.model import WORLD, Dataset, Loss, Submap, Values, is_landmark, is_pose
+from teamslam.pipeline import run
 from teamslam.sim import simulate
 from thinned import thinned
 
@@ -157,3 +161,20 @@ def test_simulated_teams_are_consistent(preset: str) -> None:
     for chi in (report.consistency.nees, report.fit):
         assert 5e-4 < chi2.cdf(chi.value, chi.dof) < 1.0 - 5e-4
     assert report.fit == fit_of(found) and is_pose(found.keys).any()
+
+
+@pytest.mark.parametrize("method", ["join", "full"])
+def test_of_squares_that_a_loss_forgave_no_chi_square_is_claimed(method: str) -> None:
+    """A few gross outliers under a loss that forgives: squares are many times what they should be, the map is good."""
+    log = simulate("2d", 3)
+    wrong = []
+    for table in log.tables:
+        values = table.values.copy()
+        if table.source == "landmarks":
+            values[::40] += 3.0
+        wrong.append(replace(table, values=values))
+    forgiving = log.with_tables(wrong).with_loss(Loss("cauchy", 2.0))
+    config = Config(method=method, calibrate=False)
+    assert all(score.fit is None and "own account" not in str(score) for score in run(forgiving, config).scores)
+    honest = run(log, config).scores[0]
+    assert honest.fit is not None and "own account" in str(honest) and 0.9 < honest.fit.per_dof < 1.1

@@ -24,6 +24,7 @@ from teamslam.metrics.frames import Aligned, as_kinds, truth_at_base
 from teamslam.model import Submap, Values, chi2_quantile, is_pose
 
 CONFIDENCE = 0.95
+FORGIVEN = 1e-6  # of the squared residuals: less is rounding
 _STEP = 1e-6
 
 
@@ -109,9 +110,11 @@ def consistency(submap: Submap, truth: Values, aligned: Aligned, covariances: Ma
     )
 
 
-def fit_of(submap: Submap) -> ChiSquare:
-    """How well the measurements fit the map: squared whitened residuals against rows - unknowns."""
-    return ChiSquare(submap.chi2, submap.rows - submap.dof)
+def fit_of(submap: Submap) -> ChiSquare | None:
+    """How well the measurements fit the map: squared whitened residuals against rows - unknowns; None where losses
+    forgave some of them, since these sums are of no chi-square."""
+    forgave = submap.cost < submap.chi2 * (1.0 - FORGIVEN)
+    return None if forgave else ChiSquare(submap.chi2, submap.rows - submap.dof)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ class Report:
 
     `alignment` moves the map onto the truth; `basis` says what it rests on. `fit` needs no truth: it is the squared
     whitened residuals against their degrees of freedom, by the map's own account (a join takes each submap for a
-    Gaussian); None leaves it unsaid. `note` says in words why something is missing, or what makes no sense.
-    `contradicted` are landmarks that the truth has elsewhere than all others say.
+    Gaussian); None where losses forgave some of them. `note` says in words why something is missing, or what makes no
+    sense. `contradicted` are landmarks that the truth has elsewhere than all others say.
     """
 
     map: str
