@@ -223,5 +223,15 @@ def outcome(plant: Plant, causes: Sequence[Cause]) -> str:
     if not name:
         noise = [cause for cause in causes if cause.kind in plant.kinds and {*cause.robots} & {*plant.robots}]
         return "false" if mistakes else "right" if noise or not plant.kinds else "silent"
-    right = [c for c in mistakes if any(word in c.sentence for word in WORDS[name]) and {*c.robots} <= {*plant.robots}]
+    right = [
+        c
+        for c in mistakes
+        if any(word in c.sentence for word in WORDS[name]) and ({*c.robots} <= {*plant.robots} or _either(plant, c))
+    ]
     return "false" if len(right) < len(mistakes) else "right" if right else "silent"
+
+
+def _either(plant: Plant, cause: Cause) -> bool:
+    """Whether a cause is said to be one robot's or the other's, of two of which nobody can know: whose clock is off."""
+    both = {*plant.log.robots}
+    return cause.kind == "clock" and len(both) == 2 and {*cause.robots} == both and ", or robot " in cause.sentence

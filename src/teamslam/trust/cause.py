@@ -12,8 +12,9 @@ MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "landmark",
 @dataclass(frozen=True)
 class Cause:
     """A sentence that a test on the data itself has found true, and the share of the excess cost that it `explains`
-    where it was tested. `robots` are those concerned; `kind` is what it is called in scripts. `mend` takes it
-    out of the log that it was found in; None where that is left to those who seek names that lie (`labels`)."""
+    where it was tested. `robots` are those concerned, all whose it may be where nobody knows; `kind` is what it is
+    called in scripts. `mend` takes it out of the log that it was found in; None where that is left to those who seek
+    names that lie (`labels`)."""
 
     kind: str
     sentence: str

@@ -131,7 +131,7 @@ def in_words(found: Sequence[Found], log: Dataset) -> Iterator[Cause]:
     for each in found:
         alike.setdefault(tuple(m.key for m in each.alternatives), []).append(each)
     for same in alike.values():
-        robots = tuple(sorted({robot for each in same for robot in each.alternatives[0].robots}))
+        robots = tuple(sorted({robot for each in same for m in each.alternatives for robot in m.robots}))
         ways = range(len(same[0].alternatives))
         said = [_said([each.alternatives[way] for each in same], log) for way in ways]
         worst = max(same, key=lambda each: each.before)
