@@ -2,6 +2,7 @@
 
     python benchmarks/tagslam.py FOLDER      # with test_22 and test_23, as the tests unpack them in .cache/data
 
+How late images are stamped is estimated, as in any run; TagSLAM is asked of the moments that images are stamped with.
 Of each tag and camera the reprojection error of its corners [pixels], by our map and by TagSLAM's reference (tags and
 rig of its `reference.bag`), over the same images; and how far our way of the camera is from TagSLAM's after one rigid
 alignment. The median and the RMS both count, as each method lets some corners be wrong.
@@ -67,10 +68,14 @@ def show(name: str, folder: Path) -> None:
         maps = [component.map for component in result.joined.components]
         (ours,) = reprojected(result.dataset, maps, team, Path(place))
         (camera,) = cameras_of(team.robot[0], Path(place))
-    ways = reference(folder / f"test_{name}", body)
+    ways, late = reference(folder / f"test_{name}", body), 0
+    for one in () if result.unknowns is None else result.unknowns.found:
+        late += round(1e6 * one.value) if one.unknown.name == "latency" else 0
+        of = f"{one.unknown.of}: {one.unknown.name}"
+        print(f"recording {name}: {of} {one.value:.4f} +- {one.sigma:.4f} {one.unknown.unit}")
     theirs = np.full(ours.seen.shape, np.nan)
     for k, (tick, tag) in enumerate(zip(ours.ticks.tolist(), ours.tags.tolist(), strict=True)):
-        seen = ways.tag_in_camera(tick, tag)
+        seen = ways.tag_in_camera(tick + late, tag)
         if seen is not None:
             size = team.size_of(tag) * SQUARE
             theirs[k] = camera.project(seen.act(size))
@@ -87,7 +92,7 @@ def show(name: str, folder: Path) -> None:
     keys = submap.trajectory_keys(1)
     ticks = ts.model.index_of(keys)
     poses = submap.all_values.poses_of(keys, 3) @ team.robot[0].camera[0].pose
-    near = [ways.camera_at(int(tick)) for tick in ticks]
+    near = [ways.camera_at(int(tick) + late) for tick in ticks]
     held = [k for k, pose in enumerate(near) if pose is not None]
     true = np.array([near[k].translation for k in held])
     way = align(poses.translation[held], true).pose.act(poses.translation[held])
