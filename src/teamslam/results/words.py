@@ -133,7 +133,7 @@ def _cost(report: Report) -> Rows:
         ]
     used, measured = report["numbers_used"], report["numbers_measured"]
     which = "all" if used == measured else f"{used:,} of the"
-    chi2 = "" if report["chi2"] == report["cost"] else f"chi2 {report['chi2']:.6g}, "
+    chi2 = "" if report["chi2"] == report["cost"] else f"chi2 with outliers in full {report['chi2']:.6g}, "
     rows = [("cost", f"{report['cost']:.6g} of {which} {measured:,} numbers measured ({chi2}{dof})")]
     if bare is not None and abs(bare - report["cost"]) > 1e-6 * max(report["cost"], UNSEEN):
         rows.append(("cost of the join", f"{bare:.6g} by its own account, which takes each submap for a Gaussian"))
