@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from driven_circle import circle, off_from
 from teamslam.frontend.moments import LONGEST_S, Velocities, moved
 from teamslam.frontend.streams import Track
 from teamslam.frontend.way import WayNoise
@@ -12,23 +13,8 @@ from thinned import thinned
 NOISE = WayNoise(fastest_m_s=50.0, fastest_rad_s=50.0)
 
 
-def driven(seconds=20.0, rate=20.0):
-    """A circle at 1 m/s that climbs."""
-    t = np.arange(0.0, seconds, 1.0 / rate)
-    place = np.stack([5 * np.sin(0.2 * t), 5 - 5 * np.cos(0.2 * t), 0.1 * t], -1)
-    poses = Pose.from_tangent(np.stack([0 * t] * 5 + [0.2 * t], -1), 3)
-    return Track((t * 1e6).astype(np.int64), Pose(poses.rotation, place))
-
-
-def moved_on(track, since, by):
-    """A track that was off from a message on."""
-    place = track.poses.translation.copy()
-    place[since:] += by
-    return Track(track.ticks, Pose(track.poses.rotation, place))
-
-
 def test_the_motion_of_a_moment_is_that_of_the_way():
-    track, ticks, over_s = driven(), np.array([1_000_000, 7_777_777]), np.array([[-0.02, 0.0, 0.03], [0.01, 0.02, 0.0]])
+    track, ticks, over_s = circle(), np.array([1_000_000, 7_777_777]), np.array([[-0.02, 0.0, 0.03], [0.01, 0.02, 0.0]])
     found = moved(track, ticks, over_s, NOISE)
     turn, lift = found.minus(Pose.identity(3, over_s.shape))[..., 5], found.translation[..., 2]
     np.testing.assert_allclose(turn, 0.2 * over_s, atol=1e-6)
@@ -37,9 +23,9 @@ def test_the_motion_of_a_moment_is_that_of_the_way():
 
 
 def test_a_jump_is_no_motion_and_where_odometry_is_missing_nothing_moves():
-    track, ticks = driven(), np.array([5_000_000, 9_990_000, 10_000_000, 15_000_000])
+    track, ticks = circle(), np.array([5_000_000, 9_990_000, 10_000_000, 15_000_000])
     noise = WayNoise(fastest_m_s=2.0)
-    whole, jumped = (moved(t, ticks, np.full((4, 1), 0.02), noise) for t in (track, moved_on(track, 200, [3, 0, 0])))
+    whole, jumped = (moved(t, ticks, np.full((4, 1), 0.02), noise) for t in (track, off_from(track, 200, [3, 0, 0])))
     np.testing.assert_allclose(jumped.translation, whole.translation, atol=2e-5)
     gap = track.select((track.ticks < 9_000_000) | (track.ticks > 9_100_000 + 1e6 * LONGEST_S))
     ticks = np.array([5_000_000, 9_500_000, 12_000_000, 60_000_000, -1_000_000])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from driven_circle import circle, off_from
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import Track
 from teamslam.frontend.way import WayNoise, beside_the_line, jumps, standing, steps_between
@@ -11,23 +12,8 @@ from teamslam.geometry import Pose, so3
 NOISE = WayNoise(speed_m_s=0.8, turn_rad_s=0.5, fastest_m_s=2.0)
 
 
-def drive(seconds=20.0, rate=20.0):
-    """A circle at 1 m/s that climbs."""
-    t = np.arange(0.0, seconds, 1.0 / rate)
-    turn = np.stack([0 * t, 0 * t, 0.2 * t], -1)
-    place = np.stack([5 * np.sin(0.2 * t), 5 - 5 * np.cos(0.2 * t), 0.1 * t], -1)
-    poses = Pose.from_tangent(np.concatenate([np.zeros_like(turn), turn], -1), 3)
-    return Track((t * 1e6).astype(np.int64), Pose(poses.rotation, place))
-
-
-def moved(track, at, by):
-    place = track.poses.translation.copy()
-    place[at:] += by
-    return Track(track.ticks, Pose(track.poses.rotation, place))
-
-
 def test_steps_are_those_of_the_way_wherever_it_starts():
-    track, keyframes = drive(), np.array([130_000, 1_000_000, 7_777_777, 19_000_000])
+    track, keyframes = circle(), np.array([130_000, 1_000_000, 7_777_777, 19_000_000])
     there = Pose.from_tangent(np.array([3.0, -2.0, 1.0, 0.3, 0.2, 2.0]), 3)
     for seen in (track, Track(track.ticks, there[None] @ track.poses)):
         steps = steps_between(seen, keyframes, NOISE)
@@ -40,8 +26,8 @@ def test_steps_are_those_of_the_way_wherever_it_starts():
 
 def test_a_jump_is_found_and_only_its_own_step_is_lost():
     keyframes = np.arange(0, 19_000_001, 500_000)
-    whole = steps_between(drive(), keyframes, NOISE)
-    broken = steps_between(moved(drive(), 203, [0.25, 0.0, 0.0]), keyframes, NOISE)
+    whole = steps_between(circle(), keyframes, NOISE)
+    broken = steps_between(off_from(circle(), 203, [0.25, 0.0, 0.0]), keyframes, NOISE)
     assert broken.jumps.tolist() == [10_150_000]
     lost = np.flatnonzero(np.abs(broken.poses.minus(whole.poses)).max(1) > 1e-9)
     assert lost.tolist() == [20]
@@ -52,12 +38,12 @@ def test_a_jump_is_found_and_only_its_own_step_is_lost():
 
 
 def test_the_robot_was_nowhere_faster_than_it_can_be():
-    assert not jumps(drive(), NOISE).any()
-    assert jumps(moved(drive(), 50, [0.2, 0, 0]), NOISE).sum() == 1
+    assert not jumps(circle(), NOISE).any()
+    assert jumps(off_from(circle(), 50, [0.2, 0, 0]), NOISE).sum() == 1
 
 
 def test_where_odometry_is_missing_the_motion_model_stands_in():
-    track = drive()
+    track = circle()
     gap = track.select((track.ticks < 5_000_000) | (track.ticks > 9_000_000))
     keyframes = np.array([1_000_000, 4_000_000, 6_000_000, 8_000_000, 12_000_000])
     steps = steps_between(gap, keyframes, NOISE)
@@ -67,8 +53,8 @@ def test_where_odometry_is_missing_the_motion_model_stands_in():
 
 def test_covariances_compose_through_a_keyframe_or_past_it():
     noise = WayNoise()
-    one = steps_between(drive(), np.array([0, 4_000_000]), noise)
-    two = steps_between(drive(), np.array([0, 1_000_000, 4_000_000]), noise)
+    one = steps_between(circle(), np.array([0, 4_000_000]), noise)
+    two = steps_between(circle(), np.array([0, 1_000_000, 4_000_000]), noise)
     first, second = two.poses[0], two.poses[1]
     # T = T1 + R1 T2, R = R1 R2: how an error of each step moves the end
     by_first, by_second = np.eye(6), np.eye(6)
@@ -109,7 +95,7 @@ def test_what_is_driven_to_and_fro_is_as_uncertain_as_it_was_driven(noise):
 
 def test_messages_that_shake_do_not_lengthen_the_way():
     """Odometry whose every message is off by half a millimetre, 200 a second: the robot has not driven further."""
-    track, keyframes = drive(5.0, 200.0), np.array([0, 2_000_000, 4_000_000])
+    track, keyframes = circle(5.0, 200.0), np.array([0, 2_000_000, 4_000_000])
     jitter = 5e-4 * np.random.default_rng(1).normal(size=(len(track), 3))
     shaking = Track(track.ticks, Pose(track.poses.rotation, track.poses.translation + jitter))
     still, shaken = (steps_between(seen, keyframes, NOISE).covariances for seen in (track, shaking))
@@ -129,7 +115,7 @@ def missed(track, every):
 
 
 def test_at_a_message_the_way_is_on_the_line_and_nearly_so_beside_it():
-    for off, said, message in (missed(drive(), 10), missed(shaken(1), 10)):
+    for off, said, message in (missed(circle(), 10), missed(shaken(1), 10)):
         assert message.any() and not said[message].any() and np.abs(off[message]).max() < 1e-9
         assert (said[~message] > 0).all()
     track = shaken(2).select(np.arange(400) % 10 == 0)
@@ -138,7 +124,7 @@ def test_at_a_message_the_way_is_on_the_line_and_nearly_so_beside_it():
 
 
 def test_a_smooth_way_bends_as_its_differences_say():
-    off, said, message = missed(drive(), 10)  # 1 m/s round a circle of 5 m: half a second is 6 mm beside the chord
+    off, said, message = missed(circle(), 10)  # 1 m/s round a circle of 5 m: half a second is 6 mm beside the chord
     bow = np.linalg.norm(off[~message, :3], axis=1).max()
     assert bow == pytest.approx(0.2 * 0.5**2 / 8, rel=0.05)
     assert 0.5 * bow < np.linalg.norm(said[:, :3], axis=1).max() < 2.0 * bow

@@ -23,10 +23,8 @@ from teamslam.results.whole import made_folder
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHARES = (
-    (0, 4),
-    (1, 2, 3, 5),
-)  # what each process draws: places among PARTS, the page after them; as much work in both
+SHARES = (0, 4), (1, 2, 3, 5)
+"""What each process draws, as much work in both: places among PARTS, the page after them."""
 FORKS = sys.platform == "linux"  # elsewhere libraries that a fork inherits may have threads that it lacks
 
 

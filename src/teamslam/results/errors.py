@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.metrics import align_team, truth_at_base
 from teamslam.metrics.frames import as_kinds
-from teamslam.model import WORLD, Submap, Values, is_landmark
+from teamslam.model import WORLD, Kind, Submap, Values, is_landmark
 from teamslam.solver import Covariances
 from teamslam.viz import ErrorTrack
 
@@ -53,7 +53,8 @@ def truth_by_team(submap: Submap, truth: Values) -> Values:
     layout = submap.all_values.layout
     known, keys = as_kinds(truth, layout), truth.layout.keys
     alone = is_landmark(keys) & layout.contains(keys) & ~known.layout.contains(keys)
-    alone[alone] = truth.layout.kinds[alone] % 2 >= layout.kinds[layout.index(keys[alone])] % 2
+    told, held = truth.layout.kinds[alone].tolist(), layout.kinds[layout.index(keys[alone])].tolist()
+    alone[alone] = [Kind(a).dim >= Kind(b).dim for a, b in zip(told, held, strict=True)]
     return known.update(truth.select(alone)).transform(aligned.pose.inverse())
 
 

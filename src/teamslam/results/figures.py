@@ -32,7 +32,7 @@ from teamslam.viz.style import METHOD_NAMES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "rad": ("degrees", 180.0 / np.pi)}
+SHOWN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "rad": ("degrees", 180.0 / np.pi), "px": ("px", 1.0)}
 """The units in which unknowns are told, and how many of them one of their own is."""
 OBJECTIVES = {"join": "what joining adds to the cost of the submaps", "full": "cost (sum of losses)"}
 
@@ -76,7 +76,7 @@ def _residuals(record: Record) -> "dict[str, Figure]":
 
 
 def clocks_figure(record: Record) -> "dict[str, Figure]":
-    """`clocks`: clocks and cameras, where any was estimated; else nothing."""
+    """`clocks`: clocks, cameras and tags on bodies, where any was estimated; else nothing."""
     names = record.maps[0].names
     start_s = min(float(names.stamps_s(m.trajectory_keys(r)[:1])[0]) for m in record.maps for r in m.robots_in_it)
     numbers = []
@@ -87,7 +87,7 @@ def clocks_figure(record: Record) -> "dict[str, Figure]":
             name = f"{one['of']}: {one['name']}" + (f" [{unit}]" if unit else "")
             told = (one["value"] * times, one["sigma"] * times, one["stated"] * times)
             numbers.append(Estimated(name, *told, stamps - start_s, values * times, sigmas * times))
-    title = f"{headline(record).partition(', part')[0]}, clocks and cameras"
+    title = f"{headline(record).partition(', part')[0]}, what was estimated beside the map"
     return {"clocks": draw_clocks(numbers, title)} if numbers else {}
 
 

@@ -1,4 +1,4 @@
-"""What was found of clocks and cameras, and what stretches of the recordings say of them by themselves."""
+"""What was found of clocks, cameras and tags, and what stretches of the recordings say of them by themselves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

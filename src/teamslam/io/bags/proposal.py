@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 
 from teamslam.io.bags.contents import Contents, TopicContents
 
-TRUTH = re.compile("mocap|motion_capture|vicon|vrpn|optitrack|qualisys|ground_?truth|gt$|truth", re.IGNORECASE)
+TRUTH = re.compile("mocap|motion_capture|vicon|vrpn|optitrack|qualisys|truth|(?:^|[/_])gt$", re.IGNORECASE)
 COMMON = {"tags", "detections", "tag_detections", "image", "image_raw", "image_rect", "image_color", "compressed"}
 
 

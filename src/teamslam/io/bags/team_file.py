@@ -219,13 +219,17 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         for name, is_robot, tag in self.bodies():
             if tag.number in out:
                 raise InputError(f"tag {tag.number} is on {out[tag.number].carrier} and on {name}", field="tag")
-            size = self.size_of(tag.number) if tag.size_m is None else tag.size_m * self.tags.size_scale
+            size = self.stated_size_of(tag) * self.tags.size_scale
             out[tag.number] = Tag(tag.number, size, name, is_robot, tag.pose)
         return out
 
     def size_of(self, number: int) -> float:
         """The edge of a tag [m]."""
-        return self.tags.sizes_m.get(str(number), self.tags.size_m) * self.tags.size_scale
+        return self.stated_size_of(PlacedTag(number=number)) * self.tags.size_scale
+
+    def stated_size_of(self, tag: PlacedTag) -> float:
+        """The edge of a tag on a body as it is stated, before all are scaled [m]."""
+        return self.tags.sizes_m.get(str(tag.number), self.tags.size_m) if tag.size_m is None else tag.size_m
 
     def bodies(self) -> Iterator[tuple[str, bool, CarriedTag]]:
         """Every tag on a body: who carries it, and whether that is a robot."""

@@ -145,8 +145,7 @@ def _carrying(body: Carrier, one: Stated, value: float, file: TeamFile) -> Carri
 def _tag_with(tag: CarriedTag, what: str, value: float, file: TeamFile) -> CarriedTag:
     if what in PLACE:
         return moved_by(tag, _move(what, value))
-    size = file.tags.sizes_m.get(str(tag.number), file.tags.size_m) if tag.size_m is None else tag.size_m
-    return msgspec.structs.replace(tag, size_m=value * size)
+    return msgspec.structs.replace(tag, size_m=value * file.stated_size_of(tag))
 
 
 def _camera_with(entry: CameraEntry, what: str, value: float) -> CameraEntry:
@@ -210,14 +209,8 @@ def _tags_with(tags: tuple[Tag, ...], carried: Mapping[int, Tag], file: TeamFile
 
 
 def _tag_as(tag: Tag, carried: Tag | None, file: TeamFile) -> Tag:
-    if carried is None:
-        size, there = file.size_of(tag.number), True
-    else:
-        size, there = carried.size_m, _same(carried.pose, tag.pose)
-    if there:
-        return tag if size == tag.size_m else replace(tag, size_m=size)
-    assert carried is not None
-    return replace(tag, size_m=size, pose=carried.pose)
+    size, pose = (file.size_of(tag.number), tag.pose) if carried is None else (carried.size_m, carried.pose)
+    return tag if size == tag.size_m and _same(pose, tag.pose) else replace(tag, size_m=size, pose=pose)
 
 
 def _same(one: Pose | None, other: Pose | None) -> bool:

@@ -16,7 +16,7 @@ Rounding of F hides the last of them; they go on while the decrement falls.
 
 Steps are shortened as a whole, never damped, so far from the optimum in a narrow valley none may go down. Robots that
 hold their rows for themselves say so and end there; one process, which holds all, goes on by full least squares from
-there and checks by rounds what that finds.
+there and checks by rounds what that finds. Bytes that are told are those of rounds.
 """
 
 from collections.abc import Callable, Sequence
@@ -68,7 +68,8 @@ def exact_join(
         built = {submap.id: (raw_of[submap.id], submap) for submap in submaps}
         first = join(submaps, near=near, options=rough)
         components = (
-            _rounds(c, [built[name] for name in c.members], gap, max_rounds, progress) for c in first.components
+            _rounds(c, [built[name] for name in c.members], gap, max_rounds, options, progress)
+            for c in first.components
         )
         return Joined(tuple(components), first.reasons)
 
@@ -81,6 +82,7 @@ def _rounds(
     members: Sequence[tuple[Dataset, Submap]],
     gap: float,
     max_rounds: int,
+    options: Options,
     progress: Callable[[Step], None] | None,
 ) -> Component:
     joined = component.map
@@ -90,7 +92,7 @@ def _rounds(
     while True:
         parts, raw = parts_of(members, point_of(joined).layout, world=joined.base == WORLD)
         try:
-            return _Team(parts, raw, joined).run(component, gap, max_rounds, progress)
+            return _Team(parts, raw, joined).run(component, gap, max_rounds, options, progress)
         except SolveError as error:
             left = less(joined.values, in_the_way(joined.values, error, held, raw))
             joined = replace(joined, values=left, information=sp.csr_array(joined.information_of(left.layout.keys)))
@@ -104,12 +106,17 @@ class _Team:
         self.coordinator = Coordinator(parts, raw, joined)
 
     def run(
-        self, component: Component, gap: float, max_rounds: int, progress: Callable[[Step], None] | None
+        self,
+        component: Component,
+        gap: float,
+        max_rounds: int,
+        options: Options,
+        progress: Callable[[Step], None] | None,
     ) -> Component:
         """Rounds until they end, and the whole map."""
         ended = self._course(gap, max_rounds, progress)
         if ended.status is Status.STUCK:
-            self._go_on_together()
+            self._go_on_together(options)
             ended = self._course(gap, max_rounds, progress)
         return self._finish(component, ended)
 
@@ -127,11 +134,11 @@ class _Team:
             except SolveError as error:
                 answer = error
 
-    def _go_on_together(self) -> None:
+    def _go_on_together(self, options: Options) -> None:
         """Go where full least squares of all rows leads from here."""
         values, tables = self._everything(), self._tables()
         system = System(values.layout, tables=tables, fixed=frame_of(self.map), names=self.map.names)
-        found = reach(system, values).values
+        found = reach(system, values, options).values
         self.coordinator.values = found.only(self.coordinator.values.layout.keys)
         for part in self.parts:
             part.values = found.seen_from(found.pose(part.submap.base), part.values.layout)

@@ -23,7 +23,7 @@ from teamslam.geometry import Array
 from teamslam.joining.build.problem import gaussian_part
 from teamslam.model import Dataset, Submap, Table, Values, parameter_keys, point_kind, robot_of
 from teamslam.solver import Factor
-from teamslam.trust.calibration.changed import Change, differing
+from teamslam.trust.calibration.changed import Change, beyond, differing
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.systematic import Systematic
 
@@ -72,18 +72,13 @@ def carrying(
 def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> Submap:
     """The submap of rows that were put right, by what those that follow each other say of how they differ as well: its
     information, and its estimate one step further, at the optimum over both. Itself where they say nothing of it."""
-    touched = [(table, differ) for table in tables if (differ := differing(table, changes)) is not None]
-    if not touched:
-        return submap
     values = submap.all_values if submap.base >= 0 else submap.values
     held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
-    information, slope = submap.information, np.zeros(submap.dof)
-    linear = linearised([table for table, _ in touched], values, held, submap.names)
-    for (_, differ), (error, jacobian) in zip(touched, linear, strict=True):
-        along = differ @ jacobian
-        information = information + along.T @ along
-        slope += along.T @ (differ @ error.ravel())
-    information = sp.csr_array(information)
+    told = beyond(tables, changes, values, held, submap.names)
+    if told is None:
+        return submap
+    more, slope, _ = told
+    information = sp.csr_array(submap.information + more)
     step = Factor.of(submap.values.layout, information, submap.names, submap.values).solve(slope)
     return replace(submap, values=submap.values.retract(step), information=information)
 

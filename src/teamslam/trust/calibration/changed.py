@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from teamslam.geometry import Array
-from teamslam.model import Table
+from teamslam.geometry import Array, IntArray
+from teamslam.model import Names, Table, Values
 from teamslam.model.losses import SQUARED
+from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.successive import Successive
 
 
@@ -76,6 +77,23 @@ def differing(table: Table, changes: Sequence[Change]) -> sp.csr_array | None:
                 whitening[places[there]] = np.sqrt(change.weight[there])[:, None, None] * change.rows.whitening[there]
                 found.append(mine.whitened(whitening))
     return sp.csr_array(sp.vstack(found)) if found else None
+
+
+def beyond(
+    tables: Iterable[Table], changes: Sequence[Change], values: Values, held: IntArray, names: Names
+) -> tuple[sp.csr_array, Array, float] | None:
+    """What rows that were put right, at `values` of which some are `held`, say beyond each alone, by how those that
+    follow each other differ: J'D'DJ over the rest (n, n), J'D'De (n,) and |De|^2. None where they say nothing of it."""
+    told = [(table, differ) for table in tables if (differ := differing(table, changes)) is not None]
+    if not told:
+        return None
+    parts = []
+    linear = linearised([table for table, _ in told], values, held, names)
+    for (_, differ), (error, jacobian) in zip(told, linear, strict=True):
+        along, left = differ @ jacobian, differ @ error.ravel()
+        parts.append((along.T @ along, along.T @ left, float(left @ left)))
+    information, slope, cost = zip(*parts, strict=True)
+    return sp.csr_array(sum(information)), np.sum(slope, 0), sum(cost)
 
 
 def put_right(tables: Iterable[Table], changes: Sequence[Change], *, weigh: bool = True) -> list[Table]:

@@ -8,11 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.joining import AtMap
-from teamslam.joining.exact.gap import Gap
+from teamslam.joining.exact.gap import Gap, frame_of
 from teamslam.model import Submap, Table
 from teamslam.solver import Factor
-from teamslam.trust.calibration.changed import Change, differing
-from teamslam.trust.calibration.rows import held_at, linearised
+from teamslam.trust.calibration.changed import Change, beyond
 
 
 class PutRight(AtMap):
@@ -26,17 +25,13 @@ class PutRight(AtMap):
     def gap(self) -> Gap:
         """The gap there. Raises SolveError where these rows do not determine the map."""
         gap = super().gap
-        self.__dict__["gap"] = gap  # for what is held there
-        told = [(table, differ) for table in self.tables if (differ := differing(table, self._changes)) is not None]
-        if not told:
+        told = beyond(self.tables, self._changes, self.values, frame_of(self.joined), self.joined.names)
+        if told is None:
             return gap
-        information = gap.hessian.to_csr()
-        slope, cost = information @ gap.step, gap.cost
-        linear = linearised([table for table, _ in told], self.values, held_at(self), self.joined.names)
-        for (_, differ), (error, jacobian) in zip(told, linear, strict=True):
-            along, left = differ @ jacobian, differ @ error.ravel()
-            information, slope, cost = information + along.T @ along, slope + along.T @ left, cost + float(left @ left)
-        factor = Factor.of(gap.free, sp.csr_array(information), self.joined.names, self.values)
+        more, slope, cost = told
+        own = gap.hessian.to_csr()
+        information, slope = sp.csr_array(own + more), own @ gap.step + slope
+        factor = Factor.of(gap.free, information, self.joined.names, self.values)
         step = factor.solve(slope)
         decrease = max(float(np.dot(slope, step)), 0.0)
-        return replace(gap, cost=cost, step=step, decrease=decrease, factor=factor)
+        return replace(gap, cost=gap.cost + cost, step=step, decrease=decrease, factor=factor)
