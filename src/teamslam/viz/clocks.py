@@ -64,5 +64,6 @@ def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
                        fontsize=8.5 if columns == 1 else 7.0, fontweight="normal", loc="left")  # fmt: skip
     for axes in [*panels[rows - 1 : len(numbers) : rows], panels[len(numbers) - 1]]:
         axes.set_xlabel("time since the start [s]")
+        axes.tick_params(labelbottom=True)
     figure.suptitle(plain(title or "Clocks and cameras"), x=0.01, ha="left")
     return figure

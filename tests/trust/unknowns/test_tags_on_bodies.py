@@ -11,8 +11,9 @@ from teamslam.errors import InputError
 from teamslam.geometry import Pose, so3
 from teamslam.io.bags.team_file import StatedClock, Unsure, UnsureTag, read_team_file, write_team_file
 from teamslam.io.bags.unknowns import file_with
+from teamslam.model import Dataset, Unknown
 from teamslam.solver import Options
-from teamslam.trust.unknowns import settled
+from teamslam.trust.unknowns import Found, Settled, sentences_of, settled
 
 KNOWN = StatedClock(offset_sigma_s=0.0, drift_sigma=0.0)
 SURE = Unsure(delay_s=0.0)
@@ -83,6 +84,16 @@ def test_the_centre_of_a_lens_is_found():
         for name, truth in (("centre to the right", 1.5), ("centre down", -2.0)):
             one = found[robot, name]
             assert one.told and abs(one.value - truth) < 4.0 * one.sigma and one.sigma < 1.0
+
+
+@pytest.mark.parametrize(("value", "as_stated"), [(0.0, True), (-6.3e-4, False)])
+def test_only_what_is_as_it_was_stated_is_said_to_be(value, as_stated):
+    """A number of which the rows tell little still moves, as far as its prior lets it."""
+    unknown = Unknown("tag 100 on robot1", "x", "m", 0.0, 0.005, 1e-4, 0.2)
+    found = Found(unknown, value, 0.003, False)
+    said = sentences_of(Settled(Dataset({1: 2}, ()), (found,), np.eye(1), 1, True))[0]
+    assert ("is as stated" in said) == as_stated
+    assert ("-0.63 mm +- 3.00 mm, hardly better known than was stated, 0.00 mm +- 5.00 mm" in said) != as_stated
 
 
 def test_a_team_file_keeps_what_is_known_of_tags(tmp_path):

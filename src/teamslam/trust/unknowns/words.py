@@ -15,6 +15,10 @@ def sentences_of(settled: Settled) -> list[str]:
 
 def _sentence(found: Found) -> str:
     of, name = found.unknown.of, found.unknown.name
+    if not found.told and found.value != found.unknown.stated:  # somebody called it uncertain, so it may move
+        before = f"{_number(found, found.unknown.stated)} +- {_number(found, found.unknown.prior)}"
+        known = f"{_number(found, found.value)} +- {_number(found, found.sigma)}"
+        return f"{of}: {name} {known}, hardly better known than was stated, {before}."
     if not found.told:
         fits = found.sigma <= found.unknown.useful
         says = "does not contradict it" if fits else "does not tell it"
