@@ -110,7 +110,7 @@ def test_on_a_disk_that_shuts_for_good_it_maps_on_and_ends_in_words(log: Path, t
     assert robot.process.stdin is not None
     robot.process.stdin.write("\n".join(lines[: len(lines) // 2]) + "\n")
     robot.process.stdin.flush()
-    assert robot.within(90.0, lambda: (out / "poses.csv").exists() and (out / "poses.csv").read_text().count("\n") > 3)
+    assert robot.within(90.0, lambda: (out / "poses.csv").exists() and (out / "poses.csv").read_text().count("\n") > 12)
     robot.shut()
     code, said = robot.ended("\n".join(lines[len(lines) // 2 :]) + "\n")
     assert code == 1 and "Traceback" not in said

@@ -122,6 +122,22 @@ def test_what_comes_too_late_is_dropped_and_counted() -> None:
     assert just_in_time.step(late).counts.late == 0
 
 
+@pytest.mark.parametrize("poses_per_piece", [6, 100])
+def test_what_is_told_again_is_no_row_too_late_however_long_ago(poses_per_piece: int) -> None:
+    """A feed that begins anew tells all once more: what is held is counted as repeated, of closed pieces as of open
+    rows, and what is lacked alone as late."""
+    moments = in_time(log := team("2d", robots=2, poses=30, landmarks=6), 1)
+    missed = moments.pop(12)[1]
+    robot = Robot.of(log, 1, Options(poses_per_piece=poses_per_piece))
+    for _, tables in moments:
+        robot = robot.step(tables).close()
+    again = robot.step(t for _, tables in moments for t in tables).step(missed)
+    taken = sum(len(t) for _, tables in moments for t in tables)
+    counts = again.counts
+    assert (counts.taken, counts.repeated, counts.late) == (taken, taken, sum(map(len, missed)))
+    assert again.closed == robot.closed and again.open is robot.open and again.twice == robot.twice
+
+
 def test_a_loop_closure_into_a_closed_piece_makes_a_new_version_of_it() -> None:
     log = log_with_gaps("2d", 3, 0)
     odometry = next(t for t in log.of_robot(1).tables if t.source == "odometry")

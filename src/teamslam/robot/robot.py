@@ -6,9 +6,10 @@
     renew    the filter begins anew from a map in which earlier pieces lie (`outlook`), and goes through the open rows
 
 Rows may come late, twice and out of order, up to `horizon_s` behind the newest; what comes later is dropped and
-counted. Within the horizon the order changes nothing: pieces are a function of the set of rows, and the filter goes
-back to before a late row and through the rest again. A piece is closed when nothing that may still come can change
-where it ends. A row that reaches back into a closed piece (a loop closure) makes a new version of it.
+counted, unless it is held: a row that is told again is `repeated`, whenever that is. Within the horizon the order
+changes nothing: pieces are a function of the set of rows, and the filter goes back to before a late row and through the
+rest again. A piece is closed when nothing that may still come can change where it ends. A row that reaches back into a
+closed piece (a loop closure) makes a new version of it.
 
 A step costs what its rows and at most `landmarks` landmarks cost; after a late row, times the rows of the horizon. It
 does not wait for closing, building and joining, which take a robot as it stands and may run beside it.
@@ -173,8 +174,7 @@ class Robot:
 
     def _take(self, batch: Batch) -> "Robot":
         if batch.time != ALWAYS and batch.time < self.settled:
-            twice = self.newest if self._contradicted(batch) else self.twice
-            return replace(self, counts=self.counts.with_more(late=len(batch.table)), twice=twice)
+            return self._pass_by(batch)
         if self.twice != ALWAYS != batch.time and index_of(batch.earliest) <= self.twice:  # of which time, nobody knows
             return replace(self, counts=self.counts.with_more(late=len(batch.table)))
         if self.since is not None and batch.earliest >= self.since:  # as nearly always: what is closed is not touched
@@ -183,6 +183,16 @@ class Robot:
         for number, part in divided(batch, [piece.end for piece in self.closed]):
             robot = robot._reopen(number, part) if number < len(self.closed) else robot._go_on(part)
         return robot
+
+    def _pass_by(self, batch: Batch) -> "Robot":
+        """With rows counted that came too late: `repeated` where they are held, whatever is told again."""
+        counts, twice = self.counts, self.twice
+        for number, part in divided(batch, [piece.end for piece in self.closed]):
+            held = self.closed[number].rows if number < len(self.closed) else self.open
+            lacked, again = not_yet(held, part)
+            counts = counts.with_more(repeated=again, late=len(lacked.table))
+            twice = self.newest if len(lacked.table) and self._contradicted(lacked) else twice
+        return replace(self, counts=counts, twice=twice)
 
     def _contradicted(self, batch: Batch) -> bool:
         """Whether a batch that is late tells of a stretch of the way that was told of before, and otherwise: a clock
