@@ -254,3 +254,24 @@ def test_a_report_is_json_and_a_table(team: str) -> None:
     text = str(report)
     for words in ("one alignment of the whole team", "robot position RMSE", "landmark RMSE", "NEES / dof", "ATE m"):
         assert words in text
+
+
+@pytest.mark.parametrize("team", ["3d", "tags"])
+def test_landmarks_whose_height_the_truth_does_not_say_count_by_x_and_y(team: str) -> None:
+    """The map of the truth itself has no error where some landmarks are surveyed from above, and nobody is named."""
+    dataset = small(team)
+    map, truth = map_of(dataset), dataset.truth
+    marks = truth.layout.keys[is_landmark(truth.layout.keys)]
+    flat = marks[::2]
+    places = truth.positions(flat, 3)
+    assert np.ptp(places[:, 2]) > 0.5
+    rest = truth.select(~np.isin(truth.layout.keys, flat))
+    known = rest.update(Values.of({Kind.POINT2: (flat, places[:, :2])}))
+    report = score(map, known)
+    scored = report.accuracy
+    assert scored is not None and scored.landmarks == len(marks)
+    assert scored.robot_position_rmse_m == pytest.approx(0.0, abs=1e-7)
+    assert scored.landmark_rmse_m == pytest.approx(0.0, abs=1e-7)
+    only = truth.select(np.isin(truth.layout.keys, np.setdiff1d(marks, flat)))
+    alone = align_team(map, only.update(Values.of({Kind.POINT2: (flat, places[:, :2])})))
+    assert alone is not None and np.abs(alone.positions(flat)).max() < 1e-7

@@ -94,7 +94,7 @@ def run(
     from contextlib import ExitStack
 
     from teamslam.cli.codes import DONE, PARTLY, code_of
-    from teamslam.cli.console import answer, detail, pairs, progress_bar, say
+    from teamslam.cli.console import answer, detail, pairs, progress_bar, say, table
     from teamslam.cli.figures import coming, drawn
     from teamslam.cli.options import asked_of, config_for
     from teamslam.cli.parts import parts_beside, workers_for
@@ -103,6 +103,7 @@ def run(
     from teamslam.pipeline import refuse_workers
     from teamslam.pipeline import run as run_pipeline
     from teamslam.results import Record, drawing, refuse_to_overwrite, write_record
+    from teamslam.results.estimated import estimated_table, many
     from teamslam.results.folder import OURS
     from teamslam.results.words import outcome
     from teamslam.viz.style import METHOD_NAMES
@@ -141,6 +142,9 @@ def run(
             left_out = recorded_besides(input, result, record, out, progress, figures=figures)
         pictured = drawings is None or drawn(drawings, out, progress)
     pairs(f"{input}: {METHOD_NAMES[options.method]}", outcome(record.report))
+    if many(record.report):
+        every = estimated_table(record.report)
+        table(every.title, every.columns, every.rows, left=2)
     answer({**record.report, "written": str(out)})
     for what in left_out:
         say(f"left out: {what}")

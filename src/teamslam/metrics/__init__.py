@@ -9,6 +9,7 @@ from teamslam.metrics.naming import as_called
 from teamslam.metrics.report import Report, errors_of, score
 from teamslam.metrics.retimed import Late, late_truth
 from teamslam.metrics.sampling import at_stamps_of
+from teamslam.metrics.truth_clocks import truth_clocks
 
 __all__ = [
     "Accuracy",
@@ -36,4 +37,5 @@ __all__ = [
     "score",
     "told_of",
     "truth_at_base",
+    "truth_clocks",
 ]

@@ -90,24 +90,38 @@ class Consistency:
 
 def consistency(submap: Submap, truth: Values, aligned: Aligned, covariances: Marginals | None) -> Consistency | None:
     """NEES of a map. None where the truth knows no variable but the frame."""
-    known, frame, fitted = truth_at_base(submap, truth), "world" if submap.base < 0 else "base", 0
-    if known is None:
-        known, frame, fitted = (
-            _fit_frame(submap, as_kinds(truth, submap.values.layout), aligned),
-            "fitted",
-            aligned.pose.dof,
-        )
+    there = in_frame(submap, truth, aligned)
+    known = there.known
     if not len(known):
         return None
     estimate = submap.values.only(known.layout.keys)
     error = known.minus(estimate)
-    value = float(error @ _Information.of(submap, known).times(error))
+    value = float(error @ Information.of(submap, known).times(error))
     return Consistency(
-        ChiSquare(value, known.layout.dof - fitted),
+        ChiSquare(value, known.layout.dof - there.fitted),
         _one_by_one(known, estimate, covariances, robots=True),
         _one_by_one(known, estimate, covariances, robots=False),
-        frame,
+        there.frame,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class InFrame:
+    """What a truth knows of a map's variables, in the map's `frame` ('base', 'fitted' or 'world') and kinds, and how
+    many numbers were `fitted` for that."""
+
+    known: Values
+    frame: str
+    fitted: int
+
+
+def in_frame(submap: Submap, truth: Values, aligned: Aligned) -> InFrame:
+    """A truth in the frame of a map that is `aligned` with it."""
+    known = truth_at_base(submap, truth)
+    if known is not None:
+        return InFrame(known, "world" if submap.base < 0 else "base", 0)
+    fitted = _fit_frame(submap, as_kinds(truth, submap.values.layout), aligned)
+    return InFrame(fitted, "fitted", aligned.pose.dof)
 
 
 def fit_of(submap: Submap) -> ChiSquare | None:
@@ -118,7 +132,7 @@ def fit_of(submap: Submap) -> ChiSquare | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Information:
+class Information:
     """The information of the variables that the truth knows, the others marginalised out: I_kk - I_ku I_uu^-1 I_uk."""
 
     known: sp.csr_array
@@ -126,7 +140,8 @@ class _Information:
     unknown: object | None
 
     @classmethod
-    def of(cls, submap: Submap, known: Values) -> "_Information":
+    def of(cls, submap: Submap, known: Values) -> "Information":
+        """That of a map over the variables of `known`."""
         layout, none = submap.values.layout, sp.csr_array((known.layout.dof, 0))
         if np.array_equal(layout.keys, known.layout.keys):
             return cls(submap.information, none, None)
@@ -139,6 +154,7 @@ class _Information:
         return cls(rows[:, mine], rows[:, rest], factor)
 
     def times(self, error: Array) -> Array:
+        """I e."""
         out = self.known @ error
         if self.unknown is not None:
             out = out - self.across @ self.unknown.solve(self.across.T @ error)  # type: ignore[attr-defined]
@@ -149,7 +165,7 @@ def _fit_frame(submap: Submap, truth: Values, aligned: Aligned) -> Values:
     """The truth in the frame that makes e' I e least: Gauss-Newton from the alignment by positions."""
     if not len(truth):
         return truth
-    information = _Information.of(submap, truth)
+    information = Information.of(submap, truth)
     estimate = submap.values.only(truth.layout.keys)
     moved = truth.transform(aligned.pose.inverse())
     dim = aligned.pose.dim

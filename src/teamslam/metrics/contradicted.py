@@ -38,14 +38,15 @@ class Contradiction:
 
 def contradicted(aligned: Aligned, covariances: Marginals | None, names: Names) -> tuple[Contradiction, ...]:
     """Landmarks that map and truth have at different places, the worst first; none where too few are known to both, or
-    where most are.
+    where most are. In space those count of which the truth has the height, too.
 
     Law: moving the truth as a whole changes nothing; which of the two is wrong, nobody can say from these alone.
     """
+    dim, truth = aligned.pose.dim, aligned.truth.layout
     keys = aligned.keys[is_landmark(aligned.keys)]
+    keys = keys if dim == 2 else keys[truth.kinds[truth.index(keys)] % 2 == 1]
     if covariances is None or not LEAST <= len(keys) <= MOST:
         return ()
-    dim = aligned.pose.dim
     here, there = aligned.estimate.positions(keys, dim), aligned.truth.positions(keys, dim)
     places, C = aligned.pose.unact(here), _places(covariances.joint(keys), keys, aligned, dim)
     half, limit = chi2_quantile(0.5, dim), chi2_quantile(1.0 - ALARMS / len(keys), dim)

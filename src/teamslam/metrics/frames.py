@@ -10,8 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from teamslam.geometry import Array, BoolArray, IntArray, Pose, align
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, align, align_known
 from teamslam.model import WORLD, Kind, Layout, Submap, Values, is_pose
+
+HELD = 1e-9  # of the spread of points: with less rigidity a fit is free to turn
 
 
 def shared_keys(submap: Submap, truth: Values) -> IntArray:
@@ -115,7 +117,8 @@ def align_team(submap: Submap, truth: Values) -> Aligned | None:
     """The map after one rigid motion of the whole team onto the truth; None where they have nothing in common.
 
     The closed-form fit over the positions of all shared poses and landmarks (Umeyama 1991); where these leave it free
-    to turn (all in line, or only one), the orientations of shared poses come in. A team in the plane is moved in it.
+    to turn (all in line, or only one), the orientations of shared poses come in. A team in the plane is moved in it. Of
+    points that have no height in the truth x and y count alone.
     """
     keys = shared_keys(submap, truth)
     if not len(keys):
@@ -127,13 +130,27 @@ def align_team(submap: Submap, truth: Values) -> Aligned | None:
     robots = is_pose(keys).any()
     basis = "robots and landmarks" if robots and not is_pose(keys).all() else "robots" if robots else "landmarks"
     spread = float(np.mean(np.sum((there - there.mean(0)) ** 2, -1)))
-    held = fit.rigidity > 1e-9 * spread and len(keys) > 1
+    held = fit.rigidity > HELD * spread and len(keys) > 1
     oriented = keys[_is_oriented(estimate, keys) & _is_oriented(truth, keys)]
     if not held and len(oriented):
         turned = [_poses(values, oriented, dim).rotation for values in (estimate, truth)]
         fit = align(here, there, source_rotations=turned[0], target_rotations=turned[1])
         basis, held = f"{basis} and their orientations", True
-    return Aligned(keys, estimate.transform(fit.pose), truth, fit.pose, basis, held)
+    flat = truth.layout.kinds[truth.layout.index(keys)] == Kind.POINT2
+    pose = fit.pose if dim == 2 or not flat.any() else _without_heights(here, there, flat, fit.pose)
+    return Aligned(keys, estimate.transform(pose), truth, pose, basis, held)
+
+
+def _without_heights(here: Array, there: Array, flat: BoolArray, near: Pose) -> Pose:
+    """The fit in space of points of which some are `flat` (n,): nobody knows their heights. It begins at the fit of all
+    others, where these are held, and else `near`."""
+    known = np.ones(here.shape, bool)
+    known[flat, 2] = False
+    if np.count_nonzero(~flat) > 2:
+        others = align(here[~flat], there[~flat])
+        spread = float(np.mean(np.sum((there[~flat] - there[~flat].mean(0)) ** 2, -1)))
+        near = others.pose if others.rigidity > HELD * spread else near
+    return align_known(here, there, known, near)
 
 
 def truth_at_base(submap: Submap, truth: Values) -> Values | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from teamslam.frontend.clock import Clock
 from teamslam.geometry import Array, align
 
 REACH_S, STEP_S, FINE_S = 1.0, 0.05, 0.01
@@ -19,10 +20,20 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class Late:
-    """By how much the stamps of a truth are late, and its standard deviation [s]."""
+    """By how much the stamps of a truth are late in the `middle` [ticks] of a robot's way, and by how much more in a
+    second (`drift`, 0 where that is not told), with their standard deviations [s, 1]: that of a drift which is not told
+    is what it would be told with, infinite where nobody asked."""
 
     value_s: float
     sigma_s: float
+    drift: float = 0.0
+    drift_sigma: float = np.inf
+    middle: int = 0
+
+    @property
+    def clock(self) -> Clock:
+        """The clock of the truth beside the robot's."""
+        return Clock(self.middle, self.value_s, self.drift)
 
 
 def late_truth(stamps_s: Array, positions: Array, true_stamps_s: Array, true_positions: Array) -> Late | None:

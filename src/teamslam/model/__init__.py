@@ -38,7 +38,7 @@ from teamslam.model.noise import ranks, variances, whitening, whitening_of_infor
 from teamslam.model.sensors import MODELS, Model
 from teamslam.model.submap import Sources, Stretch, Submap
 from teamslam.model.tables import Table
-from teamslam.model.unknowns import Standing, Unknown, Unknowns
+from teamslam.model.unknowns import Stamps, Standing, Unknown, Unknowns
 from teamslam.model.values import Values, pack, unpack
 
 __all__ = [
@@ -59,6 +59,7 @@ __all__ = [
     "Model",
     "Names",
     "Sources",
+    "Stamps",
     "Standing",
     "Stretch",
     "Submap",

@@ -3,7 +3,7 @@ well that is known, and the rows that a reader makes depend on them; so the log 
 they others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from teamslam.model.tables import Table
     from teamslam.model.values import Values
 
+Stamps = Callable[[IntArray], IntArray]
+"""The stamps that another clock has at those of a robot's (n,) [ticks]."""
 Standing = Mapping[tuple[int, str], tuple[IntArray, Pose]]
 """By robot and source, how what was seen in rows by their ids (m,), rising, stands to the sensor that saw it (m,)."""
 
@@ -65,8 +67,8 @@ class Unknowns(Protocol):
         """By robot, where it truly was: rising ticks (n,), and positions (n, 3), of those whose stamps may be late."""
         ...
 
-    def truth_with(self, late_s: dict[int, float]) -> "Values | None":
-        """The truth of the log, were that of some robots so late."""
+    def truth_with(self, stamps: Mapping[int, Stamps]) -> "Values | None":
+        """The truth of the log, were that of some robots stamped so."""
         ...
 
     def varied(self, values: Array, standing: Standing | None = None) -> "tuple[Table, ...]":

@@ -7,8 +7,7 @@ from dataclasses import replace
 from teamslam.config import Config
 from teamslam.errors import SolveError
 from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
-from teamslam.metrics import Late, late_truth
-from teamslam.model import Dataset, Submap, index_of
+from teamslam.model import Dataset, Submap
 from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
 from teamslam.pipeline.renamed import Renamed
@@ -26,7 +25,6 @@ from teamslam.trust.calibration import Calibration, as_stated, calibrate
 from teamslam.trust.unknowns import Settled, settled, with_unknowns
 
 PLACES = ("landmark", "place", "name")  # kinds of causes by which landmarks are called otherwise
-CLEARLY = 3.0  # sigmas by which a truth is late
 
 
 def settled_by(log: Dataset, config: Config, clock: Clock) -> Settled | None:
@@ -40,27 +38,6 @@ def settled_by(log: Dataset, config: Config, clock: Clock) -> Settled | None:
         return log if config.loss is None else log.with_loss(config.loss)
 
     return settled(log, config.solver, clock.tick, adapted)
-
-
-def in_time(dataset: Dataset, joined: Joined) -> tuple[Dataset, dict[int, Late]]:
-    """The log with the truth of each robot at the right moments, where the map tells clearly that its stamps are late;
-    and how late each is."""
-    found: dict[int, Late] = {}
-    if dataset.unknowns is None or dataset.names.counts:
-        return dataset, found
-    tick_s = dataset.names.tick_s
-    for robot, (ticks, true) in dataset.unknowns.truths.items():
-        submap = max(joined.maps, key=lambda map: len(map.trajectory_keys(robot)))
-        keys = submap.trajectory_keys(robot)
-        dim, since = dataset.robots[robot], ticks[0]
-        stamps = (index_of(keys) - since) * tick_s
-        late = late_truth(stamps, submap.all_values.positions(keys, dim), (ticks - since) * tick_s, true[:, :dim])
-        if late is not None and abs(late.value_s) > CLEARLY * late.sigma_s:
-            found[robot] = late
-    if not found:
-        return dataset, found
-    truth = dataset.unknowns.truth_with({robot: late.value_s for robot, late in found.items()})
-    return replace(dataset, truth=truth), found
 
 
 def cleared(log: Dataset, config: Config, clock: Clock) -> tuple[Dataset, Decisions | None, Suspicions | None]:

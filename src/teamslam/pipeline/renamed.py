@@ -1,10 +1,10 @@
 """What a log rests on, where the names of its landmarks were put right after it was read."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import Dataset, Standing, Table, Unknown, Unknowns, Values
+from teamslam.model import Dataset, Stamps, Standing, Table, Unknown, Unknowns, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,9 @@ class Renamed:
         mended = self.mend(read)
         return replace(mended, unknowns=None if read.unknowns is None else Renamed(read.unknowns, self.mend, mended))
 
-    def truth_with(self, late_s: dict[int, float]) -> Values | None:
-        """The truth of the log, were that of some robots so late."""
-        return self.of.truth_with(late_s)
+    def truth_with(self, stamps: Mapping[int, Stamps]) -> Values | None:
+        """The truth of the log, were that of some robots stamped so."""
+        return self.of.truth_with(stamps)
 
     def varied(self, values: Array, standing: Standing | None = None) -> tuple[Table, ...]:
         """Those sightings that would be others, were they."""

@@ -18,13 +18,13 @@ from teamslam.joining import AtMap, Joined, cost_of, with_exactness
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
+from teamslam.pipeline.in_time import in_time
 from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
 from teamslam.pipeline.mending import (
     calibrated,
     carrying_unknowns,
     cleared,
     in_their_places,
-    in_time,
     once_more,
     settled_by,
 )

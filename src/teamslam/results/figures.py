@@ -12,6 +12,7 @@ from teamslam.geometry import Array
 from teamslam.io.files.whole import whole_file
 from teamslam.model import Submap, index_of
 from teamslam.results.errors import error_tracks, truth_by_team
+from teamslam.results.estimated import SHOWN
 from teamslam.results.record import Record
 from teamslam.solver import Covariances
 from teamslam.viz import (
@@ -32,8 +33,6 @@ from teamslam.viz.style import METHOD_NAMES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "rad": ("degrees", 180.0 / np.pi), "px": ("px", 1.0)}
-"""The units in which unknowns are told, and how many of them one of their own is."""
 OBJECTIVES = {"join": "what joining adds to the cost of the submaps", "full": "cost (sum of losses)"}
 
 

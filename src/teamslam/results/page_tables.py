@@ -10,7 +10,7 @@ from teamslam.answers.residuals import LANDMARK, Residuals
 from teamslam.geometry import Array
 from teamslam.model import Values, index_of, robot_of
 from teamslam.report import Table
-from teamslam.results.figures import SHOWN
+from teamslam.results.estimated import estimated_table
 from teamslam.results.page_trust import trust_tables
 from teamslam.results.record import Record
 from teamslam.viz import shape_of
@@ -33,7 +33,7 @@ def tables_of(record: Record, truths: Sequence[Values | None], start_s: float) -
         _by_landmark(record),
         _worst(record, start_s),
         _calibration(record.report),
-        _estimated(record.report),
+        estimated_table(record.report),
         _left_out(record.report),
         _parts(record.report),
         _landmarks(record, truths),
@@ -159,21 +159,6 @@ def _calibration(report: Report) -> Table:
     ]
     columns = ("robot", "sensor", "systematic error", "value", "sigma", "before", "unit")
     return Table("Calibration", columns, rows, "Before: the standard deviation it was given before the data spoke.")
-
-
-def _estimated(report: Report) -> Table:
-    """Clocks and cameras: the synchronisation report."""
-    rows = [
-        [e["of"], e["name"], _told(e, e["value"]), _told(e, e["sigma"]) if e["told"] else "not told",
-         _told(e, e["stated"]), _told(e, e["prior"]), SHOWN.get(e["unit"], ("", 1.0))[0]]
-        for e in (report.get("estimated") or {}).get("unknowns", [])
-    ]  # fmt: skip
-    columns = ("of", "what", "value", "sigma", "stated", "sigma before", "unit")
-    return Table("Clocks and cameras, estimated with the map", columns, rows)
-
-
-def _told(unknown: Mapping[str, Any], number: float) -> str:
-    return f"{number * SHOWN.get(unknown['unit'], ('', 1.0))[1]:.4g}"
 
 
 def _left_out(report: Report) -> Table:

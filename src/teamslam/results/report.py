@@ -40,7 +40,8 @@ Its fields:
                                    many `rounds`, or `why` nothing was estimated; the same in `sentences`; null where
                                    nothing is uncertain
     truth_late                     by robot, by how much the stamps of its truth are late, and were taken to be:
-                                   `value_s` and `sigma_s`, from the map
+                                   `value_s` and `sigma_s` in the `middle` of its way [ticks], and its `drift` with
+                                   `drift_sigma`, 0 where the map does not clearly tell one
     components, reasons            maps that could not be joined to each other, and why
     parts                          a table for each of these maps, in the order of their lowest robots: `robots` by
                                    name, how many `poses`, `landmarks` and `submaps`, its `frame`; of each map

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from teamslam.results.estimated import estimated_lines
+
 if TYPE_CHECKING:
     from teamslam.results.record import Record
 
@@ -30,7 +32,7 @@ def outcome(report: Report) -> Rows:
         *(("ambiguous", sentence) for sentence in report["ambiguities"]),
         *(("put right", f"{cause['sentence']}: {DONE[cause['kind']]}") for cause in report.get("apart", ())),
         *(("put right", sentence) for sentence in (report.get("calibration") or {}).get("sentences", ())),
-        *(("estimated", sentence) for sentence in (report.get("estimated") or {}).get("sentences", ())),
+        *(("estimated", line) for line in estimated_lines(report)),
         *(("truth", _late(late)) for late in report.get("truth_late", ())),
         *_rejected(report.get("rejected")),
         *_suspicions(report.get("suspicions")),
@@ -59,7 +61,11 @@ def _components(report: Report) -> Rows:
 def _late(late: Report) -> str:
     """How late a truth was."""
     value, sigma = (1e3 * late[name] for name in ("value_s", "sigma_s"))
-    return f"of {late['robot']} is stamped {value:.1f} ms +- {sigma:.1f} ms late, and was matched so"
+    stamped = f"of {late['robot']} is stamped {value:.2f} ms +- {sigma:.2f} ms late"
+    if late.get("drift"):
+        drift, known = (1e6 * late[name] for name in ("drift", "drift_sigma"))
+        stamped += f" in the middle of its way, and {drift:.1f} +- {known:.1f} microseconds more each second"
+    return f"{stamped}, and was matched so"
 
 
 def _lost(lost: Report) -> str:

@@ -35,6 +35,7 @@ from teamslam.model import (
     Kind,
     Loss,
     Names,
+    Stamps,
     Standing,
     Table,
     Unknown,
@@ -160,10 +161,10 @@ class Reading:
                 found[number] = ticks, robot.truth.poses.translation[first]
         return found
 
-    def truth_with(self, late_s: dict[int, float]) -> Values | None:
-        """The truth of the log, were that of some robots so late."""
+    def truth_with(self, stamps: Mapping[int, Stamps]) -> Values | None:
+        """The truth of the log, were that of some robots stamped so."""
         log = Dataset({k + 1: robot.entry.dim for k, robot in enumerate(self.used)}, self.tables)
-        return _truth(self.used, self.file, log, late_s)
+        return _truth(self.used, self.file, log, stamps)
 
     def varied(self, values: Array, standing: Standing | None = None) -> tuple[Table, ...]:
         """Those sightings of this log that would be others, were the unknowns; `standing` as a map has it."""
@@ -224,8 +225,8 @@ def _keyframes(team: Sequence[Seen], numbers: Mapping[str, int]) -> dict[int, In
     return {n: merge(np.concatenate([np.zeros(0, np.int64), *ticks]), merged) for n, ticks in wanted.items()}
 
 
-def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset, late_s: Mapping[int, float]) -> Values | None:
-    """Where robots and tags truly are, of those that are known; the truth of some robots is stamped so late."""
+def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset, stamps: Mapping[int, Stamps]) -> Values | None:
+    """Where robots and tags truly are, of those that are known; the truth of some robots has stamps of its own."""
     found: dict[Kind, list[tuple[IntArray, Pose]]] = {}
     places: list[tuple[int, tuple[float, float, float]]] = []  # of tags of which nobody says how they are turned
     for number, robot in enumerate(team, 1):
@@ -233,7 +234,7 @@ def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset, late_s: Mapping[i
             continue
         ticks, first = np.unique(robot.truth.ticks, return_index=True)
         keys = log.pose_keys[number]
-        at = index_of(keys) + round(late_s.get(number, 0.0) * TICKS_PER_S)
+        at = stamps[number](index_of(keys)) if number in stamps else index_of(keys)
         poses, known = interpolate(ticks, robot.truth.poses[first], at, round(TRUTH_GAP_S * TICKS_PER_S))
         if robot.entry.dim == 2:
             poses = Pose.from_xytheta(poses.xytheta())
