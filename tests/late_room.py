@@ -13,7 +13,7 @@ from tagged_room import UPRIGHT, wall_tags
 from teamslam.frontend.streams import TagCorners, Track
 from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.noise import corner_covariances
-from teamslam.frontend.way import WayNoise
+from teamslam.frontend.way_noise import WayNoise
 from teamslam.geometry import Pose
 from teamslam.io.bags.first_guess import first_guess
 from teamslam.io.bags.seen import Book, Seen, View

@@ -6,7 +6,7 @@ import pytest
 from driven_circle import circle, off_from
 from teamslam.frontend.moments import LONGEST_S, Velocities, moved
 from teamslam.frontend.streams import Track
-from teamslam.frontend.way import WayNoise
+from teamslam.frontend.way_noise import WayNoise
 from teamslam.geometry import Pose
 from thinned import thinned
 

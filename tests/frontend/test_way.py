@@ -6,8 +6,9 @@ import pytest
 from driven_circle import circle, off_from
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import Track
-from teamslam.frontend.way import WayNoise, beside_the_line, jumps, standing, steps_between
-from teamslam.geometry import Pose, so3
+from teamslam.frontend.way import beside_the_line, standing, steps_between
+from teamslam.frontend.way_noise import WayNoise, jumps
+from teamslam.geometry import Pose, compose_along, so3
 
 NOISE = WayNoise(speed_m_s=0.8, turn_rad_s=0.5, fastest_m_s=2.0)
 
@@ -149,3 +150,38 @@ def test_a_keyframe_between_messages_is_known_less_than_at_one():
     track = shaken(4).select(np.arange(400) % 10 == 0)
     at, between = (steps_between(track, track.ticks[5:9] + late, NOISE).covariances for late in (0, 250_000))
     assert (np.linalg.eigvalsh(between - at) >= -1e-12).all() and np.trace(between[0]) > 1.2 * np.trace(at[0])
+
+
+def drives_and_looks_about(noise, seed, seconds=30.0, rate=50.0):
+    """A robot on the ground that drives a bend, stands, and turns on the spot, and what its wheels say of it."""
+    t, rng = np.arange(0.0, seconds, 1.0 / rate), np.random.default_rng(seed)
+    within = (t % 10.0) / 10.0
+    speed = np.where(within < 0.4, 0.3 * np.sin(np.pi * within / 0.4) ** 2, 0.0)
+    turning = np.where(within > 0.6, 1.5 * np.sin(np.pi * (within - 0.6) / 0.4) ** 2, 0.4 * speed)
+    step = np.stack([speed[1:], 0 * t[1:], turning[1:]], -1) / rate
+    s = np.sqrt(noise.drift_m**2 / rate + noise.slip_m**2 * np.abs(step[:, 0]))
+    r = np.sqrt(noise.drift_rad**2 / rate + noise.slip_rad**2 * np.abs(step[:, 2]))
+
+    def led(steps):
+        steps = Pose.from_xytheta(steps).lift(3)
+        return Track(np.round(1e6 * t).astype(np.int64), compose_along(steps))
+
+    return led(step), led(step + np.stack([s, s, r], -1) * rng.normal(size=step.shape))
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_noise_of_odometry_is_no_way_that_was_driven(rate):
+    """What is stated of steps is what they err by, of a robot that stands and turns, too, however often odometry comes:
+    chi-square within three of its own deviations."""
+    noise = WayNoise(drift_m=1e-3, slip_m=0.01, drift_rad=1e-3, slip_rad=0.015)
+    keyframes = np.arange(500_000, 29_000_000, 500_000)
+    parts = []
+    for seed in range(30):
+        true, odometry = drives_and_looks_about(noise, seed, rate=rate)
+        steps = steps_between(odometry, keyframes, noise)
+        off = steps.poses.minus(steps_between(true, keyframes, noise).poses)
+        half = np.linalg.cholesky(steps.covariances[:, [[0], [1], [5]], [0, 1, 5]])
+        white = np.linalg.solve(half, off[:, [0, 1, 5], None])
+        parts.append(np.mean(white[..., 0] ** 2, 0))
+    count = len(parts) * (len(keyframes) - 1)
+    np.testing.assert_allclose(np.mean(parts, 0), 1.0, atol=3.0 * np.sqrt(2.0 / count) + 0.02)

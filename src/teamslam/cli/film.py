@@ -144,7 +144,7 @@ def write_film(made: "Film", out: Path, to: str, progress: "Progress") -> None:
 
 def team_of(made: "Film", ending: str) -> "TeamFile":
     """The team file of a film: what its makers know, and nothing of what is to be found out but as truth."""
-    from teamslam.frontend.way import WayNoise
+    from teamslam.frontend.way_noise import WayNoise
     from teamslam.io.bags.team_file import CameraEntry, CarriedTag, PlacedTag, RobotEntry, Tags, TeamFile
     from teamslam.sim.film.stage import CAMERA, FACE_TAG_M, TAG_M
 

@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 
 from teamslam.frontend.streams import TICKS_PER_S, Track
-from teamslam.frontend.way import WayNoise, jumps
+from teamslam.frontend.way_noise import WayNoise, jumps
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
 
 WINDOW_S, WIDEST_S = 0.05, 2.0  # to each side
@@ -65,20 +65,25 @@ class Velocities:
 
     def at(self, ticks: IntArray) -> Array:
         """Velocities in the body (m, 6) [m/s, rad/s]; zero where odometry is missing."""
+        return self.means(ticks)[0]
+
+    def means(self, ticks: IntArray) -> tuple[Array, Array]:
+        """Velocities, as `at` gives them, and over how long moving and turning are averaged (m, 2) [s]."""
+        out, over = np.zeros((len(ticks), 6)), np.zeros((len(ticks), 2))
         if len(self.ticks) < 2:
-            return np.zeros((len(ticks), 6))
+            return out, over
         k = np.clip(np.searchsorted(self.ticks, ticks, "right") - 1, 0, len(self.ticks) - 2)
         p = k + (ticks - self.ticks[k]) / (self.ticks[k + 1] - self.ticks[k])
         bounds = np.concatenate([[-1], self.gaps, [len(self.ticks) - 1]])
         after = np.searchsorted(bounds, k)
         first, last = bounds[after - 1] + 1, bounds[after]
-        out = np.zeros((len(ticks), 6))
-        for part, width in zip(PARTS, self.widths, strict=True):
+        for n, (part, width) in enumerate(zip(PARTS, self.widths, strict=True)):
             ends = np.maximum(p - width, first), np.minimum(p + width, last)
             way, time = (_between(sums, *ends) for sums in (self.driven[:, part], self.time[:, None]))
             out[:, part] = way / np.where(time > 0.0, time, np.inf)
+            over[:, n] = time[:, 0]
         held = (ticks >= self.ticks[0]) & (ticks <= self.ticks[-1]) & ~self._missing(k)
-        return np.where(held[:, None], out, 0.0)
+        return np.where(held[:, None], out, 0.0), over
 
     def _missing(self, steps: IntArray) -> BoolArray:
         return np.isin(steps, self.gaps)

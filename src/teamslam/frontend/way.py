@@ -12,29 +12,13 @@ tells nothing: the robot is taken to have gone on as the motion model says, with
 
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
+from teamslam.frontend.driven import CHORD_S, Driven
 from teamslam.frontend.interpolate import interpolate
 from teamslam.frontend.streams import TICKS_PER_S, Track
-from teamslam.geometry import Array, BoolArray, IntArray, Pose, so3
-
-CHORD_S = 0.1  # of which the way driven is made: shorter ones would add the noise of messages to it
-
-
-class WayNoise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What is stated of a robot's motion: `speed_m_s` and `turn_rad_s`, the usual ones of the motion model;
-    `fastest_m_s`, beyond which odometry jumped; its noise per root of a second and of a metre (`drift_m`, `slip_m`),
-    and per root of a second and of a radian in turning (`drift_rad`, `slip_rad`)."""
-
-    speed_m_s: float = 1.0
-    turn_rad_s: float = 1.0
-    fastest_m_s: float = 3.0
-    fastest_rad_s: float = 6.0
-    drift_m: float = 0.01
-    slip_m: float = 0.03
-    drift_rad: float = 0.003
-    slip_rad: float = 0.02
+from teamslam.frontend.way_noise import WayNoise, jumps
+from teamslam.geometry import Array, IntArray, Pose, so3
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +84,7 @@ def driven_noise(track: Track, keyframes: IntArray, noise: WayNoise) -> Array:
     chord = inside // round(CHORD_S * TICKS_PER_S)
     at = np.union1d(keyframes, inside[np.append(True, np.diff(chord) > 0)] if len(inside) else inside)
     poses, _ = interpolate(track.ticks, track.poses, at, int(track.ticks[-1] - track.ticks[0]))
-    dt, moves = np.diff(at) / TICKS_PER_S, poses[1:].minus(poses[:-1])
-    way, turn = np.linalg.norm(moves[:, :3], axis=1), np.linalg.norm(moves[:, 3:], axis=1)
+    dt, (way, turn) = np.diff(at) / TICKS_PER_S, Driven.of(track, noise).between(at).T
     s = noise.drift_m**2 * dt + noise.slip_m**2 * way
     r = noise.drift_rad**2 * dt + noise.slip_rad**2 * turn
     step = np.searchsorted(keyframes, at[1:]) - 1
@@ -149,15 +132,6 @@ def _largest_near(changes: Array, steps: IntArray, order: int) -> Array:
     size = np.stack([np.sqrt(np.mean(changes[:, part] ** 2, 1)) for part in (slice(0, 3), slice(3, 6))], -1)
     reached = np.clip(steps[:, None] - np.arange(order + 1), 0, len(size) - 1)
     return np.asarray(size[reached].max(1))
-
-
-def jumps(track: Track, noise: WayNoise) -> BoolArray:
-    """Which steps (n - 1,) of odometry in time order are faster than the robot can be."""
-    dt = np.diff(track.ticks) / TICKS_PER_S
-    step = track.poses[:-1].between(track.poses[1:])
-    way = np.linalg.norm(step.translation, axis=-1)
-    turn = np.linalg.norm(step.minus(Pose.identity(3, (len(dt),)))[:, 3:], axis=-1)
-    return np.asarray((way > noise.fastest_m_s * dt) | (turn > noise.fastest_rad_s * dt))
 
 
 def diagonal(variances: Array) -> Array:

@@ -5,6 +5,8 @@ import struct
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import recordings
 import teamslam as ts
@@ -165,7 +167,72 @@ def test_depths_without_an_image_say_nothing(tmp_path):
     """Stamps between images; the log is as without depths, and says so."""
     log = ts.read(team_of(tmp_path, [millimetres(k, stamp=STAMPS[k] + 10**8) for k in range(6)]))
     assert "depths of 0 of 6 sightings" in " ".join(log.notes) and not len(rows(log))
+    (left,) = [left for left in log.dropped if "nearest image of depth" in left.reason]
+    assert left.count == 6 and "in the median 100.0 ms" in left.reason
     assert sum(len(table) for table in log.tables if table.model == "corners") == 6
+
+
+DAMAGES = {
+    "good": millimetres,
+    "packed": packed,
+    "size": other_size,
+    "encoding": no_depths,
+    "short": cut_short,
+    "spoiled": spoiled,
+    "colours": colours,
+    "empty": lambda k: recordings.image(TOPIC, STAMPS[k], np.zeros((0, 8), "<u2"), "16UC1", step=16),
+    "holes": lambda k: recordings.image(TOPIC, STAMPS[k], np.zeros((HEIGHT, WIDTH), "<u2"), "16UC1"),
+    "no numbers": lambda k: recordings.image(TOPIC, STAMPS[k], np.full((HEIGHT, WIDTH), np.nan, "<f4"), "32FC1"),
+    "endless": lambda k: recordings.image(TOPIC, STAMPS[k], np.full((HEIGHT, WIDTH), np.inf, "<f4"), "32FC1"),
+    "behind": lambda k: recordings.image(TOPIC, STAMPS[k], np.full((HEIGHT, WIDTH), -1.0, "<f4"), "32FC1"),
+}
+EMPTY, COUNTED = (
+    ("holes", "no numbers", "endless", "behind"),
+    ("size", "encoding", "short", "spoiled", "colours", "empty"),
+)
+
+
+def restamped(message, late_ns):
+    """A message whose header says that it was made so much later."""
+    topic, type_, received, make = message
+    return topic, type_, received, lambda store, header: make(store, lambda at, *frame: header(at + late_ns, *frame))
+
+
+COMPRESSED = "packed", "spoiled", "colours"
+RAW = tuple(kind for kind in DAMAGES if kind not in COMPRESSED)  # a topic holds messages of one type
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    kinds=st.sampled_from([RAW, COMPRESSED]).flatmap(
+        lambda some: st.lists(st.sampled_from(some), min_size=6, max_size=6)
+    ),
+    late_ms=st.lists(st.sampled_from([0, 0, 0, 3, -4, 20, 300, -400]), min_size=6, max_size=6),
+    recorded=st.sampled_from(["bag", "mcap"]),
+)
+def test_damaged_depths_leave_corners_as_they_are(kinds, late_ms, recorded, tmp_path_factory):
+    """Every sighting has its depth, or it is counted why it has none; or one error says what is wrong with all."""
+    messages = [
+        restamped(DAMAGES[kind](k), 10**6 * late) for k, (kind, late) in enumerate(zip(kinds, late_ms, strict=True))
+    ]
+    path = team_of(tmp_path_factory.mktemp("depths"), messages, recorded)
+    near = [abs(late) <= 5 for late in late_ms]
+    good = [kind in ("good", "packed") for kind in kinds]
+    measured = [kind in (*EMPTY, "good", "packed") for kind in kinds]
+    sized = [kind in ("size", "empty") for kind in kinds]
+    if any(s and n for s, n in zip(sized, near, strict=True)) and not any(
+        m and n for m, n in zip(measured, near, strict=True)
+    ):
+        with pytest.raises(InputError, match="depth must be registered"):
+            ts.read(path)
+        return
+    log = ts.read(path)
+    assert sum(len(table) for table in log.tables if table.model == "corners") == 6
+    assert len(rows(log)) == sum(g and n for g, n in zip(good, near, strict=True))
+    counted = sum(left.count for left in log.dropped if "images of depth" in left.reason)
+    assert counted == sum(kind in COUNTED and n for kind, n in zip(kinds, near, strict=True))
+    far = sum(left.count for left in log.dropped if "nearest image of depth" in left.reason)
+    assert far == sum(not n for n in near)
 
 
 @pytest.mark.parametrize(("topic", "words"), [("/nowhere", "no topic /nowhere"), ("/odom", "/odom holds nav_msgs")])

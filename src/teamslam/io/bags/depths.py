@@ -3,7 +3,7 @@
 A topic of raw images (16UC1 in millimetres, 32FC1 in metres) or of what `compressed_depth_image_transport` makes of
 them, registered to the images in which tags are seen: pixel for pixel, depth along that camera's axis. An image of
 depth belongs to the nearest one in which tags were seen, not more than MERGE_S away. Those that cannot be read are
-counted.
+counted, and so are sightings of tags that no image of depth is near enough to.
 """
 
 import struct
@@ -53,7 +53,9 @@ def with_depths(view: View, recording: Recording, who: str) -> Deep:
     of_frame = [np.flatnonzero(view.corners.frame == frame) for frame in range(len(frames))]
     best = np.full(len(frames), near + 1)
     parts, lost, others = dict[int, TagDepths](), Counter[str](), Counter[tuple[int, int]]()
+    stamps: list[int] = []
     for message in recording.messages([topic]) if len(view.corners) else ():
+        stamps.append(message.tick)
         frame = int(order[_nearest(in_time, message.tick)])
         away = abs(int(frames[frame]) - message.tick)
         if away >= best[frame] or not len(of_frame[frame]) or (image := recording.decode(message)) is None:
@@ -81,10 +83,28 @@ def with_depths(view: View, recording: Recording, who: str) -> Deep:
         Dropped(count, f"{who}: images of depth of {w} x {h} pixels, where the camera has {size[0]} x {size[1]}")
         for (w, h), count in others.items()
     ]
+    dropped += _too_far(view, np.sort(np.array(stamps, np.int64)), who)
     each = [parts.get(frame, TagDepths.nothing(len(rows))) for frame, rows in enumerate(of_frame)]
     found = TagDepths.together(each).select(np.argsort(np.concatenate([np.zeros(0, np.int64), *of_frame])))
     note = f"{who}: depths of {np.count_nonzero(found.told)} of {len(view.corners)} sightings"
     return Deep(replace(view, depths=found), dropped, note)
+
+
+def _too_far(view: View, stamps: IntArray, who: str) -> list[Dropped]:
+    """The sightings that have no image of depth, of those at rising `stamps`, near enough in time."""
+    if not len(stamps) or not len(view.corners):
+        return []
+    ticks = view.corners.ticks
+    away = np.abs(ticks - stamps[[_nearest(stamps, tick) for tick in ticks.tolist()]])
+    far = away > round(MERGE_S * TICKS_PER_S)
+    if not far.any():
+        return []
+    usual = 1e3 * float(np.median(away[far])) / TICKS_PER_S
+    reason = (
+        f"{who}: depths of sightings whose nearest image of depth is more than {1e3 * MERGE_S:g} ms from theirs (in "
+        f"the median {usual:.1f} ms); depths count where both are taken at once"
+    )
+    return [Dropped(int(np.count_nonzero(far)), reason)]
 
 
 def _nearest(ticks: IntArray, tick: int) -> int:

@@ -36,7 +36,7 @@ import tomli_w
 from teamslam.errors import InputError
 from teamslam.frontend.tags.detect import Looking
 from teamslam.frontend.tags.rows import Tag
-from teamslam.frontend.way import WayNoise
+from teamslam.frontend.way_noise import WayNoise
 from teamslam.geometry import Pose
 from teamslam.io.files.toml import converted, read_toml
 from teamslam.io.files.whole import whole_file

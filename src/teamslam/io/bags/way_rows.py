@@ -5,7 +5,8 @@ import scipy.sparse as sp
 
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
-from teamslam.frontend.way import Steps, WayNoise, diagonal, standing, steps_between
+from teamslam.frontend.way import Steps, diagonal, standing, steps_between
+from teamslam.frontend.way_noise import WayNoise
 from teamslam.geometry import IntArray, Pose
 from teamslam.io.bags.seen import Book, Seen
 from teamslam.model import Table, pack, pose_key, whitening
