@@ -24,6 +24,7 @@ def test_a_product_is_that_with_the_jacobian(at: AtMap) -> None:
         assert np.allclose(made.reshape(-1, 3), jacobian @ steps, rtol=1e-12, atol=1e-9)
     pulled = sum(j.T @ u.reshape(-1, 3) for j, u in zip(jacobians, whitened, strict=True))
     assert np.allclose(system.pull(at.values, whitened), pulled, rtol=1e-12, atol=1e-9)
+    assert np.array_equal(system.pull(at.values, iter(whitened)), system.pull(at.values, whitened))
 
 
 def test_shapes_that_do_not_fit_are_refused(at: AtMap) -> None:

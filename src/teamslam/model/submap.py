@@ -96,9 +96,11 @@ def frozen(matrix: sp.csr_array) -> sp.csr_array:
     parts = (matrix.data, matrix.indices, matrix.indptr)
     if not any(part.flags.writeable for part in parts):
         return matrix
-    out = sp.csr_array(matrix.shape, dtype=matrix.dtype)
+    in_order = matrix.has_sorted_indices, matrix.has_canonical_format
+    out = sp.csr_array.__new__(sp.csr_array)  # made of parts, it would look through the same numbers once more
+    vars(out).update(vars(matrix))
     out.data, out.indices, out.indptr = map(read_only, parts)
-    out.has_sorted_indices, out.has_canonical_format = matrix.has_sorted_indices, matrix.has_canonical_format
+    out.has_sorted_indices, out.has_canonical_format = in_order
     return out
 
 

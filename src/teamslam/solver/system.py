@@ -197,15 +197,17 @@ class System:
             for k, (table, handle) in enumerate(zip(self.tables, self._handles, strict=True))
         ]
 
-    def pull(self, values: Values, whitened: Sequence[Array]) -> Array:
-        """How the unknowns are pulled by numbers u (m, rows, k) at the rows of each table: sum J'W'u (unknowns, k)."""
-        sums = np.zeros((self.free.dof, whitened[0].shape[2] if whitened else 0))
+    def pull(self, values: Values, whitened: Iterable[Array]) -> Array:
+        """How the unknowns are pulled by numbers u (m, rows, k) at the rows of each table, asked for one table
+        after the other: sum J'W'u (unknowns, k)."""
+        sums = None
         for k, (table, handle, u) in enumerate(zip(self.tables, self._handles, whitened, strict=True)):
+            sums = np.zeros((self.free.dof, u.shape[2])) if sums is None else sums
             if table.row.native:
                 self._problem.pull(values.state, handle, u, sums)
             else:
                 sums += self.jacobian(k, values).T @ u.reshape(-1, u.shape[2])
-        return sums
+        return np.zeros((self.free.dof, 0)) if sums is None else sums
 
     def fault(self, table: int, values: Values) -> int | None:
         """The first row of a table of which a residual, its derivative or its cost is not finite; None where all

@@ -79,14 +79,33 @@ def robot_marker(order: int) -> str:
 
 
 def ready() -> None:
-    """Import what figures are drawn with, and let it find its fonts: as much work as to draw a few of them."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    """Import what figures are drawn with, and let it find its fonts: as much work as to draw a few of them. For a
+    process whose figures are written, and which nobody asks what could be set of a line."""
+    with _undescribed():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     figure = Figure()
     figure.add_subplot().plot([0, 1], label="any")
     figure.legend()
     FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _undescribed() -> Iterator[None]:
+    """Classes that are made meanwhile list nowhere what may be set of them. matplotlib writes such a list for each of
+    its own, out of the texts of all their methods, which is half of its import."""
+    from matplotlib.artist import Artist
+
+    described = vars(Artist).get("_update_set_signature_and_docstring")
+    if described is None:  # this matplotlib has another way
+        yield
+        return
+    setattr(Artist, described.__name__, lambda: None)
+    try:
+        yield
+    finally:
+        setattr(Artist, described.__name__, described)
 
 
 def styled(function: Callable[P, T]) -> Callable[P, T]:

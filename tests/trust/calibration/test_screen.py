@@ -10,7 +10,7 @@ from teamslam.joining import AtMap, full
 from teamslam.model import Dataset
 from teamslam.pipeline import run
 from teamslam.sim import simulate
-from teamslam.trust.calibration.screen import SUSPICION, suspicious
+from teamslam.trust.calibration.screen import SUSPICION, _look, suspicious
 from trust.calibration.faulty import FAULTS, team
 
 
@@ -42,6 +42,21 @@ def test_what_is_wrong_in_a_long_log_stands_out_again() -> None:
     log = _long(0)
     wrong = [replace(t, whitening=t.whitening / 0.93) if t.source == "landmarks" else t for t in log.tables]
     assert _is_suspicious(log.with_tables(wrong))
+
+
+def test_some_rows_show_what_they_show_among_all() -> None:
+    log = team(17, poses=30)
+    at = AtMap(log.tables, full(log).map)
+    measured = [at.gap.system.whitened(place, at.values) for place in range(len(at.tables))]
+    some = [np.arange(len(u)) % 3 == 0 for u in measured]
+    part, whole = (
+        _look(at, measured, np.random.default_rng(0), 4, seen)
+        for seen in (some, [np.ones(len(u), bool) for u in measured])
+    )
+    for seen, (mine, theirs) in zip(some, zip(part, whole, strict=True), strict=True):
+        assert np.array_equal(mine.table.ids, theirs.table.ids[seen])
+        for name in ("errors", "sizes", "weight", "rate"):
+            np.testing.assert_allclose(getattr(mine, name), getattr(theirs, name)[seen], rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("method", ["join", "full"])

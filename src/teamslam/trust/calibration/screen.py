@@ -82,27 +82,31 @@ def _looks(at: AtMap) -> Iterator[list[Glance]]:
 def _look(
     at: AtMap, measured: Sequence[Array], rng: np.random.Generator, draws: int, seen: Sequence[BoolArray]
 ) -> list[Glance]:
-    """What is left of errors measured and drawn, of the rows of each table that are `seen`."""
+    """What is left of errors measured and drawn, of the rows of each table that are `seen`. All rows pull; those that
+    nobody looks at are let go of as soon as they have."""
     system, values, names = at.gap.system, at.values, at.joined.names
-    both = [np.concatenate([u[..., None], rng.standard_normal((*u.shape, draws), np.float32)], -1) for u in measured]
-    for table, each in zip(at.tables, both, strict=True):
-        if not (told := (table.whitening != 0.0).any(-1)).all():
-            each *= told[..., None]
     weights = [table.loss.weight(np.sum(u**2, -1)) for table, u in zip(at.tables, measured, strict=True)]
-    pulls = [
-        each if table.loss.name == "squared" else each * weight[:, None, None]
-        for table, each, weight in zip(at.tables, both, weights, strict=True)
-    ]
-    steps = at.gap.factor.solve(system.pull(values, pulls))
+    kept: list[Array] = []
+
+    def pulls() -> Iterator[Array]:
+        for table, u, weight, which in zip(at.tables, measured, weights, seen, strict=True):
+            both = np.concatenate([u[..., None], rng.standard_normal((*u.shape, draws), np.float32)], -1)
+            if not (told := (table.whitening != 0.0).any(-1)).all():
+                both *= told[..., None]
+            kept.append(both if which.all() else both[which])
+            yield both if table.loss.name == "squared" else both * weight[:, None, None]
+
+    steps = at.gap.factor.solve(system.pull(values, pulls()))
+    tables = [table if which.all() else table.select(which) for table, which in zip(at.tables, seen, strict=True)]
+    shown = system if all(which.all() for which in seen) else system.alike(tables, ())
     still = names.counts
     velocity = np.zeros(system.free.dof) if still else velocities(values, system.free, names)
-    ahead = system.along(values, np.column_stack([steps, velocity]))
-    return [_glance(*each) for each in zip(at.tables, both, weights, ahead, seen, strict=True)]
+    ahead = shown.along(values, np.column_stack([steps, velocity]))
+    of_seen = [weight[which] for weight, which in zip(weights, seen, strict=True)]
+    return [_glance(*each) for each in zip(tables, kept, of_seen, ahead, strict=True)]
 
 
-def _glance(table: Table, both: Array, weight: Array, ahead: Array, which: BoolArray) -> Glance:
-    if not which.all():
-        table, both, weight, ahead = table.select(which), both[which], weight[which], ahead[which]
+def _glance(table: Table, both: Array, weight: Array, ahead: Array) -> Glance:
     noise = Noise.stated(table)
     errors = noise.errors(both - ahead[..., :-1])
     return Glance(table, noise, errors, noise.sizes(errors), weight, -noise.errors(ahead[..., -1:])[..., 0])
