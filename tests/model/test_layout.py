@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from teamslam.model import Kind, Layout, among
+from teamslam.model.layout import distinct
 
 KEYS = st.integers(-(2**62), 2**62) | st.integers(0, 6)
 
@@ -16,6 +17,14 @@ def test_among_says_what_isin_says(keys: np.ndarray, known: set[int]) -> None:
     found = among(keys, rising)
     assert found.shape == keys.shape
     np.testing.assert_array_equal(found, np.isin(keys, rising))
+
+
+@given(hnp.arrays(np.int64, hnp.array_shapes(min_dims=1, max_dims=2, min_side=0), elements=KEYS), st.booleans())
+def test_distinct_keys_are_those_of_unique(keys: np.ndarray, rising: bool) -> None:
+    keys = np.sort(keys, axis=None) if rising else keys
+    found = distinct(keys)
+    assert found.dtype == np.int64
+    np.testing.assert_array_equal(found, np.unique(keys))
 
 
 @given(st.sets(KEYS), st.lists(KEYS))

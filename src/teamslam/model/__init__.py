@@ -32,7 +32,7 @@ from teamslam.model.keys import (
     robot_of,
     unnamed_key,
 )
-from teamslam.model.layout import Kind, Layout, among, point_kind, pose_kind, rows_of
+from teamslam.model.layout import Kind, Layout, among, distinct, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
 from teamslam.model.sensors import MODELS, Model
@@ -70,6 +70,7 @@ __all__ = [
     "a_kind",
     "among",
     "chi2_quantile",
+    "distinct",
     "expect",
     "index_of",
     "is_landmark",

@@ -15,7 +15,7 @@ from teamslam.cards import card
 from teamslam.errors import ModelError
 from teamslam.geometry import FrozenDict, IntArray
 from teamslam.model.keys import Names, is_landmark, is_pose, robot_of
-from teamslam.model.layout import Kind, Layout, point_kind, pose_kind
+from teamslam.model.layout import Kind, Layout, distinct, point_kind, pose_kind
 from teamslam.model.losses import Loss
 from teamslam.model.tables import Table
 from teamslam.model.unknowns import Unknowns
@@ -67,10 +67,10 @@ class Dataset:
         point; it lives in space where any table sees it in space."""
         keys, kinds = [], []
         for table in self.tables:
-            poses = np.unique(table.keys[is_pose(table.keys)])
+            poses = distinct(table.keys[is_pose(table.keys)])
             keys.append(poses)
             kinds.append(self.robot_kinds(robot_of(poses)))
-            marks = np.unique(table.keys[is_landmark(table.keys)])
+            marks = distinct(table.keys[is_landmark(table.keys)])
             keys.append(marks)
             kinds.append(np.full(len(marks), int((pose_kind if table.row.targets_pose else point_kind)(table.dim))))
         if not sum(map(len, keys)):

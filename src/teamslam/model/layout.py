@@ -73,6 +73,14 @@ def among(keys: int | AnyArray, rising: IntArray) -> BoolArray:
     return np.asarray(rising[at] == keys)
 
 
+def distinct(keys: AnyArray) -> IntArray:
+    """The different ones of keys, rising, as `np.unique` has them; where they come in rising order, as the poses of a
+    log do, in a fraction of its time."""
+    keys = np.asarray(keys, np.int64).ravel()
+    fresh = keys[np.flatnonzero(np.diff(keys, prepend=keys[:1] - 1))]
+    return fresh if (fresh[1:] > fresh[:-1]).all() else np.unique(fresh)
+
+
 @dataclass(frozen=True, eq=False)
 class Layout(Sealed):
     """Which variables, of which kind, in which order: sorted by kind, then by key. Keys are unique."""

@@ -65,7 +65,7 @@ def _track(submap: Submap, truth: Values, covariances: Covariances, robot: int, 
         return None
     estimate, true = submap.values.only(keys), truth.only(keys)
     error = estimate.minus(true).reshape(len(keys), -1)
-    blocks = np.stack(covariances.blocks(estimate.layout.keys))
+    blocks = np.array(covariances.blocks(estimate.layout.keys))
     dof = error.shape[-1]
     nees = np.einsum("ni,ni->n", error, np.linalg.solve(blocks, error[..., None])[..., 0]) / dof
     sigma = np.sqrt(np.diagonal(blocks, axis1=-2, axis2=-1))

@@ -27,6 +27,7 @@ from teamslam.model import (
     Table,
     Values,
     among,
+    distinct,
     expect,
     index_of,
     is_landmark,
@@ -77,7 +78,7 @@ class Problem:
         poses = own_chain(piece, robot)
         known = begun.guesses[0].layout
         inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
-        held = np.unique(np.concatenate([poses, *(t.keys.ravel() for t in inside)]))
+        held = distinct(np.concatenate([poses, *(distinct(column) for t in inside for column in t.keys.T)]))
         guesses = [guess.only(held) for guess in begun.guesses if guess.layout.contains(held).all()]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
         return cls(piece, int(poses[0]), system, raw, guesses, begun, loose)
