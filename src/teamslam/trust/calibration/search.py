@@ -8,13 +8,16 @@ much, as what is left of those measured.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray
+from teamslam.trust.calibration.balance import balanced
 from teamslam.trust.calibration.choice import Choice
-from teamslam.trust.calibration.drawn import beside_drawn, by_chance, off
+from teamslam.trust.calibration.components import Components, Pulls
+from teamslam.trust.calibration.drawn import beside_drawn, by_chance
 from teamslam.trust.calibration.fading import refined, settles
 from teamslam.trust.calibration.hidden import hidden
 from teamslam.trust.calibration.noise import Noise
@@ -27,7 +30,6 @@ from teamslam.trust.calibration.slips import SLIPS, Slips
 from teamslam.trust.calibration.successive import Successive
 
 SWEEPS, SETTLED = 2, 0.02  # how many at most, until scales change by less than this share
-SLIDES = 4  # more steps of slips at most
 REFINED = 4  # how often at most it is looked at again how errors fade
 SLIPPING = 0.02  # that a slip comes in of odometry that does not, where something else is wrong
 FALSE_ALARM = 0.01  # that any scale is changed of a team whose sigmas are right
@@ -95,19 +97,26 @@ class Search:
                 break
         white = beside_drawn(self.linear, self.now, self.white[:, :WHITE])
         self._hang(self.linear.by_tables(fit.left(white)))
-        for _ in range(SLIDES if choice else 0):
-            if not self._slide(self._fit(choice=choice), by_chance(SLIPPING)):
-                break
+        if choice:
+            self.balance(choice)
 
-    def _slide(self, fit: Fit, chance: float) -> bool:
-        """Whether slips stand out, by more than `chance`, of a fit that weighs rows as the map will; these one step
-        nearer to their likeliest. How errors last is known roughly, and a map by rows that count in full follows what
-        they do from one to the next; one by rows that count as what they say together does so less."""
-        scores = Scores.of(self.slips, self.now, self._left(fit))
-        before, out = self.theta, np.abs(off(scores.squares)) > chance
-        self.theta = np.where(out, scores.step(before, chance), before)
+    def balance(self, choice: Choice) -> None:
+        """Odometry's scales and slips settled together (see `balance`), by a fit with some systematic errors let in."""
+        pulled = partial(self.pulled, choice)
+        self.scales, self.theta = balanced(self.slips, self.scales, self.theta, pulled, SLIPPING)
         self._move()
-        return bool((self.theta != before).any())
+
+    def pulled(
+        self, choice: Choice, components: Components, scales: Sequence[Array], theta: Array
+    ) -> tuple[Pulls, Array]:
+        """How what is left pulls at components of odometry's noise, and the information of these, by a fit that weighs
+        rows as the map will. How errors last is known roughly, and a map by rows that count in full follows what they
+        do from one to the next; one by rows that count as what they say together does so less."""
+        self.scales, self.theta = list(scales), theta
+        self._move()
+        fit = self._fit(choice=choice)
+        pulls = Pulls.of(components, self.slips, self.now, scales, theta, self._left(fit))
+        return pulls, pulls.information(fit)
 
     def _refine(self, choice: Choice) -> None:
         """How errors fade of which nearly all hang together, and scales beside it, until they settle (see `fading`)."""

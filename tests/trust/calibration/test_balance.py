@@ -1,0 +1,64 @@
+"""Odometry's variance components settle where their restricted scores vanish, wherever the search for them began."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import teamslam as ts
+from teamslam.joining import AtMap, full
+from teamslam.model import Dataset
+from teamslam.trust.calibration.choice import Choice
+from teamslam.trust.calibration.components import Components
+from teamslam.trust.calibration.drawn import white_noise
+from teamslam.trust.calibration.noise import Noise
+from teamslam.trust.calibration.rows import lasting_of, linear_at
+from teamslam.trust.calibration.search import Search
+from teamslam.trust.calibration.slips import Slips
+from trust.calibration.faulty import misstated, persistent, team, veering
+
+STARTS = (0.1, 10.0)  # of each variance, times what was found
+SHARE = 0.25  # of a component's own deviation
+
+
+def _searched(log: Dataset) -> tuple[Search, Choice]:
+    """A log's search when it is over, and the systematic errors that it let in."""
+    linear = linear_at(AtMap(log.tables, full(log).map))
+    stated = [Noise.stated(table) for table in linear.tables]
+    slips = [Slips.of(table, lasting_of(table, linear.names)) for table in linear.tables]
+    search = Search(linear, stated, slips, white_noise(linear))
+    return search, search.sweep().choice
+
+
+def _settles_from_anywhere(log: Dataset) -> None:
+    search, choice = _searched(log)
+    search.balance(choice)
+    scales, theta = search.scales, search.theta
+    free = Components.of(search.slips, scales)
+    free = free.only(np.append(np.ones(len(free.scaled), bool), theta > 0.0))
+    found = free.logs(scales, theta)
+    doubt = np.sqrt(np.diag(np.linalg.inv(search.pulled(choice, free, scales, theta)[1])))
+    for times in STARTS:
+        moved = [s if slip is None else s * np.sqrt(times) for s, slip in zip(scales, search.slips, strict=True)]
+        search.scales, search.theta = moved, theta * times
+        search.balance(choice)
+        assert ((search.theta > 0.0) == (theta > 0.0)).all()
+        assert (np.abs(free.logs(search.scales, search.theta) - found) < SHARE * doubt).all()
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        pytest.param(lambda log: misstated(log, 1.0 / 3.0, odometry=True), id="sigmas three times too small"),
+        pytest.param(lambda log: veering(log, np.random.default_rng(1)), id="turns nobody stated"),
+        pytest.param(lambda log: persistent(veering(log, np.random.default_rng(2)), 0.9), id="beside errors that last"),
+    ],
+)
+def test_where_the_search_began_does_not_matter(plant: Callable[[Dataset], Dataset]) -> None:
+    _settles_from_anywhere(plant(team(1)))
+
+
+@pytest.mark.parametrize("name", ["mrclam_6", "mrclam_7"])
+def test_nor_does_it_in_logs_of_real_robots(data: Callable[[str], Path], name: str) -> None:
+    _settles_from_anywhere(ts.read(data(name)))
