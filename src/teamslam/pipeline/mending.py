@@ -7,6 +7,7 @@ from dataclasses import replace
 from teamslam.config import Config
 from teamslam.errors import SolveError
 from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
+from teamslam.joining.start.blunt import blunt, with_levels
 from teamslam.model import Dataset, Submap
 from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
@@ -85,6 +86,17 @@ def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, 
             mended = replace(mended, unknowns=Renamed(dataset.unknowns, cause.mend, mended))
         dataset = mended
     return dataset, found
+
+
+def on_their_level(dataset: Dataset, joined: Joined) -> tuple[Dataset, tuple[str, ...]]:
+    """A log with what ranges tell to second order of landmarks that lie where all who range them stand; and which these
+    are, in words."""
+    words = list[str]()
+    for component in joined.components if dataset.unknowns is None else ():
+        found = blunt(dataset, component.map)
+        dataset = with_levels(dataset, found, component.map.all_values)
+        words += [one.sentence(dataset.names) for one in found]
+    return dataset, tuple(words)
 
 
 def once_more(

@@ -9,6 +9,7 @@ clocks and cameras of recordings, estimated with a map
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from teamslam.config import Config
@@ -25,6 +26,7 @@ from teamslam.pipeline.mending import (
     carrying_unknowns,
     cleared,
     in_their_places,
+    on_their_level,
     once_more,
     settled_by,
 )
@@ -69,13 +71,20 @@ def run(
     if any(is_unnamed(table.keys).any() for table in dataset.tables):
         clock.start("landmarks without names")
         dataset = associate(dataset).dataset
-    return _told(dataset, config, clock, workers, work, ())
+    return _told(dataset, config, clock, workers, work)
 
 
 def _told(
-    dataset: Dataset, config: Config, clock: Clock, workers: Workers | None, work: Path | None, apart: tuple[Cause, ...]
+    dataset: Dataset,
+    config: Config,
+    clock: Clock,
+    workers: Workers | None,
+    work: Path | None,
+    apart: tuple[Cause, ...] = (),
+    levels: tuple[str, ...] = (),
 ) -> Result:
-    """The story of a log whose landmarks have names; `apart`: those that are in two places, found by the map before."""
+    """The story of a log whose landmarks have names; found by the map before: `apart`, those that are in two places,
+    and `levels`, what is said of those that lie where all who range them stand."""
     found = settled_by(dataset, config, clock)
     dataset = dataset if found is None else found.log
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
@@ -88,6 +97,11 @@ def _told(
             joined = carrying_unknowns(joined, log, found)
     except SolveError as error:
         raise explained(error, log) from None
+    if workers is None and not levels:
+        again, levels = on_their_level(dataset, joined)
+        if levels:
+            return _told(again, config, clock, workers, work, apart, levels)
+    joined = replace(joined, remarks=(*joined.remarks, *levels))
     at = _at(log, joined)
     calibration, seen, judged = None, None, None
     if workers is None:
@@ -99,7 +113,7 @@ def _told(
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
             again, moved = in_their_places(dataset, lies)
         if moved:
-            return _told(again, config, clock, workers, work, (*apart, *moved))
+            return _told(again, config, clock, workers, work, (*apart, *moved), levels)
         if config.calibrate:
             clock.start("calibration")
             calibration = calibrated(at, wrong)

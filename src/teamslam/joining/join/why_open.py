@@ -27,6 +27,7 @@ FAILS = (
 )
 PARALLEL = "rays that are nearly parallel leave its distance open; sightings from the side would tell"
 IN_LINE = "ranges from nearly one place or line leave its side open; ranges from elsewhere would tell"
+IN_PLANE = "ranges from nearly one place, line or plane leave its side open; ranges from elsewhere would tell"
 BLUNT = (
     "they leave open on which side of the sensor nearest to it it is; sharper ranges, or from farther away, would tell"
 )
@@ -66,7 +67,7 @@ def _geometry(
         return FAILS
     if models == {"range"}:
         dim = max(part.dim for part in parts)
-        return IN_LINE if all(_are_in_line(places, dim) for places in seers) else BLUNT
+        return (IN_LINE if dim == 2 else IN_PLANE) if all(_are_in_line(places, dim) for places in seers) else BLUNT
     return "they leave it open"
 
 

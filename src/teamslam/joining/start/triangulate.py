@@ -24,6 +24,7 @@ HELD = 0.5  # the largest share of its distance by which a landmark may be uncer
 ROUNDING = 1e-14  # of the largest information on a place: less is none
 STEPS = 8  # of the refinement: quadratic near the answer
 SAME = 1e-6  # of a cost: what two places of a landmark may differ by and still be mirrors of each other
+BEND = 1e-3  # of a distance: a step along which residuals are asked how they bend
 MOST = 40  # sightings of one landmark that are looked at; more would not tell more of its place
 
 
@@ -168,17 +169,38 @@ class Bundle:
             cost = np.where(better, cost_tried, cost)
         return places.reshape(k, n, d), cost.reshape(k, n), information.reshape(k, n, d, d)
 
+    def bent(self, places: Array, across: Array) -> Array:
+        """How residuals bend along a step t across (n, d) from each place (n, d): the sum of |d2e/dt2|^2 (n,)."""
+        found = np.zeros(len(self.keys))
+        for rays in self.rays:
+            at, along = places[rays.mark], across[rays.mark]
+            step = (BEND * np.linalg.norm(at - rays.eyes.translation, axis=-1))[:, None]
+            ahead, behind = _whitened(rays, at + step * along), _whitened(rays, at - step * along)
+            second = (ahead + behind - 2.0 * _whitened(rays, at)) / np.maximum(step, 1e-150) ** 2
+            found += np.bincount(rays.mark, np.sum(second**2, -1), minlength=len(found))
+        return found * self.unseen
+
+    @property
+    def unseen(self) -> Array:
+        """How many times as many sightings of each landmark (n,) there are as are looked at."""
+        looked_at = np.zeros(len(self.keys))
+        for rays in self.rays:
+            looked_at += np.bincount(rays.mark, minlength=len(self.keys))
+        return self.seen / np.maximum(looked_at, 1.0)
+
+    def nearest(self, places: Array) -> Array:
+        """How far each landmark (n,) is from the nearest sensor that saw it."""
+        found = np.full(len(self.keys), np.inf)
+        for rays in self.rays:
+            np.minimum.at(found, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
+        return found
+
     def holds(self, places: Array, information: Array) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance."""
-        n = len(self.keys)
-        nearest = np.full(n, np.inf)
-        looked_at = np.zeros(n)
-        for rays in self.rays:
-            np.minimum.at(nearest, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
-            looked_at += np.bincount(rays.mark, minlength=n)
+        nearest = self.nearest(places)
         known = np.isfinite(information).all((1, 2), keepdims=True)  # a landmark where its sensor is has no bearing
         sizes = np.linalg.eigvalsh(np.where(known, information, 0.0))
-        least = sizes[:, 0] * self.seen / np.maximum(looked_at, 1.0)
+        least = sizes[:, 0] * self.unseen
         told = sizes[:, 0] > ROUNDING * sizes[:, -1]  # and not by what differences leave of nothing
         return np.asarray(told & (least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
 
