@@ -132,6 +132,14 @@ def test_a_part_of_a_table_sees_what_the_whole_sees(rng: np.random.Generator, ch
                 assert part.dof == mask.sum() * whole.row.residual_rows(whole.dim)
 
 
+def test_a_mask_with_all_rows_chooses_the_table_itself() -> None:
+    table = point_table()
+    assert table.select(np.ones(4, bool)) is table
+    assert len(table.select(np.zeros(4, bool))) == 0
+    with pytest.raises(IndexError):
+        table.select(np.ones(3, bool))
+
+
 def test_a_table_of_one_row_keeps_its_noise_when_rows_are_chosen() -> None:
     one = point_table().select(np.array([2]))
     assert len(one.select(np.array([True]))) == 1

@@ -111,7 +111,9 @@ class Table(Sealed):
         return np.broadcast_to(ranks(self.whitening), len(self))
 
     def select(self, index: AnyArray) -> "Table":
-        """The rows at a mask or index."""
+        """The rows at a mask or index; itself where a mask has all of them."""
+        if _marks_all(index, len(self)):
+            return self
         whitening = self.whitening if len(self.whitening) == 1 else self.whitening[index]
         if len(self) == 1 and len(self.whitening) == 1:
             whitening = self.whitening
@@ -179,3 +181,8 @@ class Table(Sealed):
         """True where another robot is the target of every row."""
         targets = self.keys[:, -1]
         return bool(len(targets) and (is_pose(targets) & (robot_of(targets) != self.robot)).all())
+
+
+def _marks_all(index: object, rows: int) -> bool:
+    """Whether an index is a mask with all of so many rows."""
+    return isinstance(index, np.ndarray) and index.dtype == np.bool_ and index.shape == (rows,) and bool(index.all())

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.model import chi2_quantile, index_of, is_landmark
+from teamslam.model import chi2_quantile, distinct, index_of, is_landmark
 from teamslam.trust.residuals import Rows
 
 PROBABILITY = 0.999  # of a band
@@ -62,7 +62,9 @@ class Tally:
 
 def tally(rows: Sequence[Rows], labels: Sequence[IntArray]) -> Tally:
     """Sums over groups: `labels` (m,) for the rows of each table, below 0 for those in none."""
-    known, group = np.unique(np.concatenate([np.zeros(0, np.int64), *labels]), return_inverse=True)
+    together = np.concatenate([np.zeros(0, np.int64), *labels])
+    known = distinct(together)  # few, of many rows
+    group = np.searchsorted(known, together)
 
     def total(parts: Iterable[Array]) -> Array:
         return np.asarray(np.bincount(group, np.concatenate([np.zeros(0), *parts]), len(known)))
