@@ -80,7 +80,7 @@ def _corners(made, robot, planted, rng, noise):
             pixels = _seen(made, robot, t, number, size, place, lens, planted)
             if pixels is None:
                 continue
-            root = np.linalg.cholesky(corner_covariances(pixels[None], 0.02, 0.08)[0])  # as the film's team file says
+            root = np.linalg.cholesky(corner_covariances(pixels[None], 0.02, 0.073)[0])  # as the film's team file says
             frame.append(len(frames) - 1)
             ids.append(number)
             corners.append(pixels + noise * (root @ rng.normal(size=8)).reshape(4, 2))

@@ -162,7 +162,7 @@ def team_of(made: "Film", ending: str) -> "TeamFile":
         delay_s=options.delay_s,
         line_s=options.shutter.line_s,
         floor_px=0.02,
-        edge_px=0.08,
+        edge_px=0.073,
         depth_floor=0.0,
     )
 

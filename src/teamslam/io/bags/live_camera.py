@@ -18,6 +18,7 @@ from msgspec import structs
 
 from teamslam.errors import InputError
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners
+from teamslam.frontend.tags.bent import straightened
 from teamslam.frontend.tags.detect import Detector, Found
 from teamslam.frontend.tags.rows import LOOKING
 from teamslam.frontend.way import diagonal, standing
@@ -91,7 +92,8 @@ class LiveCamera:
         for number in np.unique(found.ids).tolist():
             self._shown[number] = self._shown.get(number, 0) + 1
         once = structs.replace(self.file.tags, fewest=1)
-        seen = Seen(self._entry, None, None, (replace(self._view, corners=_tags([picture.tick], [found])),), ())
+        corners = straightened(_tags([picture.tick], [found]), self._view.camera)
+        seen = Seen(self._entry, None, None, (replace(self._view, corners=corners),), ())
         view = seen.with_tags(structs.replace(self.file, tags=once), Book()).views[0]
         counts = [not tag.is_robot and self._shown[tag.number] >= fewest for tag in view.tags]
         return view.select(np.array(counts, bool))

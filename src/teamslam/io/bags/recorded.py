@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.tags.bent import straightened
 from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.detect import Looking, of_one_family
 from teamslam.frontend.tags.implied import TagPoses, implied_corners
@@ -179,4 +180,4 @@ def _look(
     dropped = [Dropped(count, f"{who}: images {reason}") for reason, count in found.lost.items()]
     dropped += [Dropped(count, f"{who}: sightings of tags {reason}") for reason, count in twice.items()]
     note = f"{who}: {len(corners)} sightings of {', '.join(looking.families)} in {len(corners.frames)} images"
-    return _Look(View(camera, known, corners), dropped, note)
+    return _Look(View(camera, known, straightened(corners, known)), dropped, note)
