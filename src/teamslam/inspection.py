@@ -27,7 +27,8 @@ UNSEEN = 2  # landmarks seen by fewer rows than this hang on one sighting
 
 @dataclass(frozen=True)
 class Count:
-    """Rows of one kind by one robot, and the stamps [s] of the first and last."""
+    """Rows of one kind by one robot (by the `sensor` of a name, where it has one), and the stamps [s] of the first and
+    last."""
 
     robot: int
     source: str
@@ -35,6 +36,7 @@ class Count:
     rows: int
     start_s: float
     stop_s: float
+    sensor: str = ""
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def _counts(dataset: Dataset) -> Iterator[Count]:
         own = table.keys[is_pose(table.keys) & (robot_of(table.keys) == table.robot)]
         stamps = dataset.names.stamps_s(own)
         span = (float(stamps.min()), float(stamps.max())) if len(stamps) else (np.nan, np.nan)
-        yield Count(table.robot, table.source, table.model, len(table), *span)
+        yield Count(table.robot, table.source, table.model, len(table), *span, table.called)
 
 
 # --- what holds robots together -------------------------------------------------------------------------------------

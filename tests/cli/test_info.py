@@ -4,7 +4,9 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+import recordings
 from teamslam.io import write
 from worlds import team
 
@@ -52,3 +54,28 @@ def test_a_recording_is_listed_and_gets_a_team_file(teamslam, data) -> None:
     assert robot["odometry"] == "/fla/vio/odom"
     assert [camera["tags"] for camera in robot["camera"]] == ["/fla/ovc_node/left/tags", "/fla/ovc_node/right/tags"]
     assert [camera["name"] for camera in robot["camera"]] == ["left", "right"]
+
+
+def test_cameras_are_told_by_their_names(teamslam, tmp_path: Path) -> None:
+    """Of a team file with two cameras each has a row of its own."""
+    pytest.importorskip("rosbags")
+    square = np.array([[60.0, 60.0], [60.0, 40.0], [80.0, 40.0], [80.0, 60.0]])
+    seen = [
+        recordings.detections(f"/{name}/tags", stamp, [(3, square + 0.1 * stamp * 1e-9)])
+        for stamp in range(10**9, 5 * 10**9, 10**9)
+        for name in ("left", "right")
+    ]
+    recordings.write(tmp_path, "mcap", seen)
+    (tmp_path / "camera.json").write_text(
+        '{"camera_matrix": [200, 0, 85, 0, 200, 55, 0, 0, 1], "distortion_coefficients": [], '
+        '"image_width": 170, "image_height": 110}'
+    )
+    cameras = "".join(
+        f'[[robot.camera]]\nname = "{name}"\ntags = "/{name}/tags"\ncalibration = "camera.json"\n'
+        for name in ("left", "right")
+    )
+    (tmp_path / "team.toml").write_text(
+        f'[tags]\nsize_m = 0.2\n[[robot]]\nname = "one"\nrecording = "recording"\n{cameras}'
+    )
+    called = teamslam("info", tmp_path / "team.toml")
+    assert "landmarks, left" in called.out and "landmarks, right" in called.out

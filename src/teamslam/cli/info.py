@@ -141,7 +141,7 @@ def _measured(found: "Inspection", names: "Names") -> tuple[list[str], list[list
     start = min((c.start_s for c in found.counts if c.rows), default=0.0)
     digits, unit = (0, "") if names.counts else (2, " [s]")
     rows = [
-        [names.robot(c.robot), c.source, c.model, f"{c.rows:,}"]
+        [names.robot(c.robot), f"{c.source}, {c.sensor}" if c.sensor else c.source, c.model, f"{c.rows:,}"]
         + [f"{stamp - start:.{digits}f}" if c.rows else "" for stamp in (c.start_s, c.stop_s)]
         for c in found.counts
     ]

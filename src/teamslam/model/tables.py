@@ -27,7 +27,8 @@ class Table(Sealed):
 
     `keys` (m, 2) observer then target (m, 1 for `position` and `pose`); `values` (m, size) as MODELS says; `whitening`
     (m, rows, rows) or (1, rows, rows); `dim` of the measurement; `ids` (m,) number the rows of this robot's log of this
-    `source` ('odometry', 'landmarks', 'robots', ...), so that no sighting is ever counted twice.
+    `source` ('odometry', 'landmarks', 'robots', ...), so that no sighting is ever counted twice. `called`: what people
+    call the sensor, where a robot may have several of a kind.
     Raises ModelError where shapes, keys or numbers do not fit.
     """
 
@@ -41,6 +42,7 @@ class Table(Sealed):
     ids: IntArray
     sensor: Pose | None = None
     loss: Loss = SQUARED
+    called: str = ""
 
     def __repr__(self) -> str:
         return f"Table({self.source} of robot number {self.robot}: {len(self):,} rows of {self.model} in {self.dim}D)"

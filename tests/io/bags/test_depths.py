@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import recordings
 import teamslam as ts
 from teamslam.errors import InputError
+from teamslam.inspection import inspect
 from teamslam.io.bags import contents, proposal
 from teamslam.io.bags.team_file import read_team_file
 
@@ -109,6 +110,9 @@ def test_every_encoding_says_in_which_plane_a_tag_is(written, kind, tmp_path):
         m = normal / (normal @ place)
         np.testing.assert_allclose([-m[1], -m[2], m[0]], plane(k), atol=6e-3)
     assert "depths of 6 of 6 sightings" in " ".join(log.notes)
+    assert {count.source: count.sensor for count in inspect(log).counts} == {
+        "odometry": "", "landmarks": "front", "landmarks_depth": "front",
+    }  # fmt: skip
 
 
 def other_size(k):

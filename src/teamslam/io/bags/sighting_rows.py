@@ -102,8 +102,9 @@ class Part:
         source = self.source if model == "corners" else f"{self.source}{DEPTH}"
         sensor = view.entry.pose @ LOOKING
         return Table(
-            self.number, source, model, 3, self.keys[good], rows[0][good], rows[1][good], self.ids[good], sensor, loss
-        )
+            self.number, source, model, 3, self.keys[good], rows[0][good], rows[1][good], self.ids[good], sensor, loss,
+            called=view.entry.name,
+        )  # fmt: skip
 
     def differs(self, one: Sequence[Seen], other: Sequence[Seen]) -> bool:
         """Whether its rows may be others by the clocks, cameras and tags of another team."""
