@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from teamslam.geometry import IntArray, Pose, align, lift_points
+from teamslam.joining.join.registration import registered
 from teamslam.joining.start.triangulate import kinds_of
 from teamslam.model import WORLD, Kind, Submap, Table, Values, is_landmark, point_kind, pose_kind
 
@@ -65,7 +66,10 @@ def surveyed(values: Values, tables: Sequence[Table]) -> Values:
 
 
 def _in_the_world(start: Values, absolute: Sequence[Table], dim: int) -> Pose | None:
-    """What takes a map into the world, None where it would be free to turn there."""
+    """What takes a map into the world, None where it would be free to move there."""
+    if any((t.ranks < t.row.residual_rows(t.dim)).any() for t in absolute):
+        found = registered(start, absolute, dim)
+        return found.pose if found.rank == len(found.information) else None
     here = np.concatenate([start.positions(t.keys[:, 0], dim) for t in absolute])
     there = np.concatenate([lift_points(t.values[:, : min(dim, t.dim)], dim) for t in absolute])
     whole = [t.select(t.ranks == t.row.residual_rows(t.dim)) for t in absolute if t.model == "pose" and t.dim == dim]
