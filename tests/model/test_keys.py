@@ -13,11 +13,13 @@ from teamslam.model import (
     index_of,
     is_landmark,
     is_pose,
+    is_unnamed,
     landmark_key,
     landmark_number,
     pose_key,
     robot_of,
 )
+from teamslam.model.keys import twin_key
 
 ROBOTS = st.integers(1, 4095)
 INDICES = st.integers(0, 2**51 - 1)
@@ -114,3 +116,11 @@ def test_names_of_several_logs_merge_unless_they_contradict() -> None:
         one.merge([Names({}, {5: "gate"})])
     with pytest.raises(ModelError, match="tick"):
         one.merge([Names(tick_s=1.0)])
+
+
+@given(st.one_of(INDICES, st.text().map(landmark_number)), st.text(max_size=20), st.text(max_size=20))
+def test_twins_of_any_landmark_are_landmarks(mark: int, one: str, other: str) -> None:
+    key = twin_key(mark, one)
+    assert is_landmark(key) and not is_unnamed(key) and landmark_key(key) == key
+    assert key != mark and key == twin_key(mark, one)
+    assert (key == twin_key(mark, other)) == (one == other)

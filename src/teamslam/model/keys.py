@@ -54,6 +54,20 @@ def landmark_number(name: str) -> int:
     text = name.strip()
     if text.isascii() and text.isdigit() and int(text) < 1 << (INDEX_BITS - 1):
         return int(text)
+    return _hashed(text)
+
+
+def twin_key(mark: int, which: str) -> int:
+    """The key of what may be another landmark than `mark`, though it is called so: the `which` of them tells twins of
+    one landmark apart.
+
+    Law: a landmark's key for every landmark's key, the same every time it is asked, never an unnamed sighting's; it is
+    another landmark's by a chance of 2^-49, as a name's number is.
+    """
+    return int(landmark_key(_hashed(f"{int(landmark_key(mark))} {which}")))
+
+
+def _hashed(text: str) -> int:
     digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
     return (1 << (INDEX_BITS - 1)) | (int.from_bytes(digest, "little") & ((1 << (INDEX_BITS - 2)) - 1))
 

@@ -8,9 +8,9 @@ import pytest
 
 from teamslam.config import Config, TrustOptions, config_from, to_table
 from teamslam.errors import InputError
-from teamslam.geometry import BoolArray
+from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining import build, join, split
-from teamslam.model import Dataset, index_of
+from teamslam.model import Dataset, index_of, is_landmark, landmark_number
 from teamslam.pipeline import run
 from teamslam.results import write_run
 from teamslam.results.report import report_of
@@ -81,6 +81,23 @@ def test_one_landmark_taken_for_another(space: str) -> None:
     right = np.concatenate([m[~w] for m, w in zip(found.inliers, wrong, strict=True)])
     bad = np.concatenate([m[w] for m, w in zip(found.inliers, wrong, strict=True)])
     assert (~right).sum() <= 0.02 * len(bad) and bad.mean() < 0.03
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_landmarks_are_called_decides_nothing(seed: int) -> None:
+    log, _ = aliased(simulate(Options(space="2d", robots=2, poses=60, landmarks=12), seed), 0.3, 0.0, seed)
+
+    def called(keys: IntArray) -> IntArray:
+        words = [landmark_number(f"L{key}") if is_landmark(key) else key for key in keys.ravel().tolist()]
+        return np.array(words, np.int64).reshape(keys.shape)
+
+    named = log.with_tables(replace(table, keys=called(table.keys)) for table in log.tables)
+    numbers, words = wrong_sightings(log), wrong_sightings(named)
+    assert numbers.rejected == words.rejected > 0
+    for one, other in zip(numbers.inliers, words.inliers, strict=True):
+        np.testing.assert_array_equal(one, other)
+    undecided = [sorted((o.robot, o.larger, o.smaller) for o in found.open) for found in (numbers, words)]
+    assert undecided[0] == undecided[1] and all(larger >= smaller or larger == 1 for _, larger, smaller in undecided[0])
 
 
 def test_the_team_outvotes_a_robot_that_is_mostly_wrong() -> None:

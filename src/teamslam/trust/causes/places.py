@@ -14,8 +14,8 @@ import numpy as np
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, BoolArray
 from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Dataset, Names, Submap, Table, Values, index_of, landmark_key
-from teamslam.model.keys import MAX_INDEX
+from teamslam.model import Dataset, Names, Submap, Table, Values, index_of
+from teamslam.model.keys import twin_key
 from teamslam.solver import Options, System, firm, optimise
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.apart import Apart
@@ -111,7 +111,7 @@ def _divided(tables: Sequence[Table], values: Values, mark: int) -> Split | None
         mask = np.zeros(len(table), bool)
         mask[table.keys[:, -1] == mark] = own
         whole.append(mask)
-    return Split(mark, int(landmark_key(MAX_INDEX - int(index_of(mark)))), tuple(whole), (where[0], where[1]))
+    return Split(mark, twin_key(mark, "at another place"), tuple(whole), (where[0], where[1]))
 
 
 def _beginnings(mine: Sequence[Table]) -> Iterator[list[BoolArray]]:

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
-from teamslam.model import index_of, landmark_key
-from teamslam.model.keys import MAX_INDEX
+from teamslam.model.keys import twin_key
 from teamslam.trust.labels.alignment import Stars
 
 ALL = 24  # landmarks of a constellation, of which all pairs are tried; of more, those that fit badly
@@ -36,7 +35,7 @@ class Change:
 
 def own_name(robot: int, mark: int) -> int:
     """The key of a landmark that one robot sees at another place than the others: the same every time it is asked."""
-    return int(landmark_key(MAX_INDEX - (index_of(mark) * 8191 + robot) % (MAX_INDEX // 2)))
+    return twin_key(mark, f"as robot {robot} sees it")
 
 
 def changes(robot: int, stars: Stars, sky: Stars, misfit: Array) -> list[Change]:

@@ -22,10 +22,10 @@ from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import Joined, build, join, split
 from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.joining.start.dead_reckoning import dead_reckoning
-from teamslam.model import SQUARED, Dataset, Loss, Names, Submap, Table, Values, index_of, is_landmark, landmark_key
-from teamslam.model.keys import MAX_INDEX
+from teamslam.model import SQUARED, Dataset, Loss, Names, Submap, Table, Values, is_landmark
+from teamslam.model.keys import twin_key
 from teamslam.solver import Options, System, optimise_graduated
-from teamslam.trust.outliers.agreement import NONE, SETS, agreeing
+from teamslam.trust.outliers.agreement import NONE, agreeing
 from teamslam.trust.outliers.gates import gates, noise_of, share_wrong
 from teamslam.trust.outliers.vote import Candidates, elected
 
@@ -139,7 +139,7 @@ class _Piece:
             keys = table.keys.copy()
             for mark in np.unique(keys[is_landmark(keys[:, -1]), -1]).tolist():
                 for number in np.unique(of[(table.keys[:, -1] == mark) & (of > NONE)]).tolist():
-                    key = mark if number == 0 else int(landmark_key(MAX_INDEX - SETS * int(index_of(mark)) - number))
+                    key = mark if number == 0 else twin_key(mark, f"set {number}")
                     names[key] = (mark, number)
                     keys[(table.keys[:, -1] == mark) & (of == number), -1] = key
             tables.append(replace(table, keys=keys).select(of > NONE))

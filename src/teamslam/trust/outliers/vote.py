@@ -45,8 +45,12 @@ class Candidates:
 
     @classmethod
     def of(cls, submap: Submap, names: Mapping[int, tuple[int, int]], sightings: Mapping[int, int]) -> "Candidates":
-        """The landmarks of a submap; `names` says of each key which landmark and which of its sets it stands for."""
-        keys = np.array([k for k in submap.landmark_keys.tolist() if k in names], np.int64)
+        """The landmarks of a submap; `names` says of each key which landmark and which of its sets it stands for.
+
+        Law: in order of landmarks and of their sets, whatever their keys are."""
+        keys = np.array(
+            sorted((k for k in submap.landmark_keys.tolist() if k in names), key=names.__getitem__), np.int64
+        )
         which = np.array([names[k] for k in keys.tolist()], np.int64).reshape(-1, 2)
         blocks = Covariances.of_map(submap).blocks(keys)
         spread = np.array([float(np.trace(block[:3, :3])) / len(block[:3]) for block in blocks])
