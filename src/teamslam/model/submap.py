@@ -221,8 +221,8 @@ class Submap:
         return base.update(self.values)
 
     def rows_of(self, table: Table) -> BoolArray:
-        """Which rows (m,) of a table it was made of: those of its sources that do not wait for a variable that it
-        lacks, or for the world's frame. A row may speak of what a map knows and yet not be in it, as the rows of a
+        """Which rows (m,) of a table it was made of: those of its sources that do not travel raw, nor wait for a variable
+        that it lacks, or for the world's frame. A row may speak of what a map knows and yet not be in it, as the rows of a
         piece that no submap could be built of."""
         mine = self.sources.rows_of(table)
         if self.base != WORLD and table.row.unary:
@@ -230,6 +230,9 @@ class Submap:
         if mine.any():
             layout = self.values.layout if self.base == WORLD else self.all_values.layout
             mine[mine] = (table if mine.all() else table.select(mine)).told_by(layout)
+        for raw in self.raw:
+            if (raw.robot, raw.source) == (table.robot, table.source):
+                mine &= ~np.isin(table.ids, raw.ids)
         return mine
 
     def trajectory_keys(self, robot: int) -> IntArray:

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from teamslam.errors import SolveError
-from teamslam.model import Values, is_landmark
+from teamslam.model import SQUARED, Values, is_landmark
 from teamslam.solver.faults import Open
 from teamslam.solver.kinks import at_kink
 from teamslam.solver.linear import Factor
@@ -103,10 +103,13 @@ def _in_true_words(system: System, start: Values, ended: Values, problem: SolveE
     key = problem.key if sensor is None else sensor
     name = system.names.describe(key)
     if fixes(system, start):
+        squared = any(table.loss == SQUARED and table.source != "odometry" for table in system.tables)
+        pulled = "; a loss that forgives (`--loss huber`) lets rows that are far off pull less" if squared else ""
         where = "short of one" if sensor is None else "with it on top of a sensor that sees it"
         return SolveError(
             f"{name} is fixed by the measurements, but the search for an optimum ended {where}, where next to nothing "
-            f"is left that holds it; look for rows that contradict each other, or whose sigmas are very far apart",
+            f"is left that holds it; look for rows that contradict each other, or whose sigmas are very far apart"
+            f"{pulled}",
             key=key,
         )
     why = (

@@ -15,6 +15,7 @@ from teamslam.joining.join.join import Joined
 from teamslam.joining.join.second_places import second_places, sentences, undecided
 from teamslam.joining.join.why_open import WORLD_OPEN, why_open
 from teamslam.model import (
+    SQUARED,
     Dataset,
     Kind,
     Layout,
@@ -34,6 +35,10 @@ FORGIVEN = (
     " sighting could be wrong, and nothing else tells; a second row about that pose would, or a squared loss"
 )
 ALONE = "no odometry leads to it or from it, and nothing seen from there fixes a place by itself"
+CONTRADICT = (
+    "with them no optimum was found, and the map of the rest has them far off: they, or their stamps, may be wrong"
+)
+FORGIVE = "; where some are, `--loss huber` lets them pull less, and `--reject` leaves them out"
 TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
 
 
@@ -186,6 +191,8 @@ class _Books:
         """Why rows are in no map though all that they speak of is in some."""
         if any(m.all_values.layout.contains(table.keys[rows]).all() and table.sees_turns for m in self.maps):
             return TURNED
+        if any(m.all_values.layout.contains(table.keys[rows]).all() for m in self.maps) and not table.row.unary:
+            return CONTRADICT + FORGIVE * (table.loss == SQUARED)
         return WORLD_OPEN if table.row.unary else APART
 
 

@@ -4,7 +4,8 @@
     place:  where each submap's frame lies, in closed form
     solve:  all frames and shared variables together; raw measurements that travel with the submaps join in; where the
             frames have several assemblies, from each, and the lowest cost counts; where that makes no sense, from the
-            maps of both halves too
+            maps of both halves too; where there is no optimum, without raw rows that contradict the rest, and where
+            there is none even so, both halves for themselves
     keep :  G^, all variables back in it, and its information: a submap again
 
 A join is a pure function of the set of submaps: they are put in order by id before anything is computed. It refuses to
@@ -22,6 +23,7 @@ from teamslam.answers.maps_card import facts_of, maps_card
 from teamslam.answers.residuals import residual_table
 from teamslam.errors import ModelError, SolveError
 from teamslam.geometry import Array, Pose
+from teamslam.joining.join.contradicting import without_contradictions
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.held import held
 from teamslam.joining.join.interiors import Member, members_of
@@ -181,8 +183,30 @@ def _joined(
 
     lain = _as_lain([member.joined for member in members], near) if near else None
     placement = lain or place([member.joined for member in members], judge)
-    components = [_join_cluster(members, cluster, options, progress, by_halves) for cluster in placement.clusters]
-    return Joined(tuple(components), tuple(placement.reasons), searched=placement.searched)
+    found: list[tuple[str, Component]] = []
+    for reason, cluster in zip(("", *placement.reasons), placement.clusters, strict=True):
+        try:
+            found.append((reason, _join_cluster(members, cluster, options, progress, by_halves)))
+        except SolveError as error:
+            if len(cluster.members) == 1 or not options.elsewhere:
+                raise
+            inside = [members[number].whole for number in cluster.members]
+            found += [(again or reason, c) for again, c in _fallen_apart(inside, error, options, progress)]
+    return Joined(tuple(c for _, c in found), tuple(why for why, _ in found[1:]), searched=placement.searched)
+
+
+def _fallen_apart(
+    submaps: Sequence[Submap], error: SolveError, options: Options, progress: Callable[[Step], None] | None
+) -> list[tuple[str, Component]]:
+    """Both halves of submaps of which no one map could be made, each with why it is a map of its own; the reason of the
+    first is empty."""
+    middle = len(submaps) // 2
+    found: list[tuple[str, Component]] = []
+    for half in (submaps[:middle], submaps[middle:]):
+        joined = _joined(half, options, progress, by_halves=False)
+        between = f"together no map of them was found: {error}" if found else ""
+        found += zip((between, *joined.reasons), joined.components, strict=True)
+    return found
 
 
 def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:
@@ -244,6 +268,9 @@ def _optima(
             found.append(Optimum.of(inside, frames, options, progress))
         except SolveError as error:
             problem = problem or error
+    if not found and options.elsewhere:
+        rest = without_contradictions(inside, cluster.frames, options, progress)
+        found += [rest] if rest is not None else []
     if not found:
         assert problem is not None
         raise problem

@@ -23,13 +23,15 @@ from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """`shared`: the solution for what is shared, from the raw rows `used` and with the variables `fixed` held."""
+    """`shared`: the solution for what is shared, from the raw rows `used` and with the variables `fixed` held; rows
+    that were set `aside` wait, though all that they name is there."""
 
     members: Sequence[Member]
     shared: Solution
     used: Sequence[Table]
     fixed: IntArray
     names: Names
+    aside: tuple[Table, ...] = ()
 
     @classmethod
     def of(
@@ -131,7 +133,8 @@ class Optimum:
     def map(self, base_dim: int) -> Submap:
         """The joined map, in a frame of this dimension."""
         wholes = [member.whole for member in self.members]
-        return joined_map(wholes, self.used, self.solution, self.fixed, self.names, base_dim)
+        map = joined_map(wholes, self.used, self.solution, self.fixed, self.names, base_dim)
+        return replace(map, raw=(*map.raw, *self.aside)) if self.aside else map
 
 
 def in_the_way(values: Values, error: SolveError, held: IntArray, tables: Iterable[Table]) -> IntArray:
