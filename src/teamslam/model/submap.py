@@ -221,9 +221,9 @@ class Submap:
         return base.update(self.values)
 
     def rows_of(self, table: Table) -> BoolArray:
-        """Which rows (m,) of a table it was made of: those of its sources that do not travel raw, nor wait for a variable
-        that it lacks, or for the world's frame. A row may speak of what a map knows and yet not be in it, as the rows of a
-        piece that no submap could be built of."""
+        """Which rows (m,) of a table it was made of: those of its sources that do not travel raw, nor wait for a
+        variable that it lacks, or for the world's frame. A row may speak of what a map knows and yet not be in it, as
+        the rows of a piece that no submap could be built of."""
         mine = self.sources.rows_of(table)
         if self.base != WORLD and table.row.unary:
             mine[:] = False

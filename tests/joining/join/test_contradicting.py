@@ -1,4 +1,4 @@
-"""Rows with which a join has no optimum cost nobody the map: they are left out, with a reason, and the rest is mapped."""
+"""Rows with which a join has no optimum cost nobody the map: they are left out with the reason, the rest is mapped."""
 
 from dataclasses import replace
 
