@@ -70,7 +70,7 @@ def run(
     dataset = _log_in(dataset, config)
     if any(is_unnamed(table.keys).any() for table in dataset.tables):
         clock.start("landmarks without names")
-        dataset = associate(dataset).dataset
+        dataset = associate(dataset, lambda done, of: clock.hear("landmarks without names", done, of)).dataset
     return _told(dataset, config, clock, workers, work)
 
 

@@ -97,6 +97,72 @@ def test_some_with_names_and_some_without() -> None:
         assert np.mean(of_one == label) > 0.95
 
 
+def bare_rows(log: Dataset, share: float, seed: int = 0, of: tuple[int, ...] | None = None) -> Dataset:
+    """The log with a share of its sightings of landmarks (of these alone) without a name."""
+    rng, tables = np.random.default_rng(seed), []
+    for table in log.tables:
+        target = table.keys[:, -1]
+        some = is_landmark(target) if of is None else np.isin(target, of)
+        some &= rng.random(len(table)) < share
+        keys = table.keys.copy()
+        keys[some, -1] = unnamed_key(table.robot, table.ids[some])
+        tables.append(replace(table, keys=keys))
+    return log.with_tables(tables)
+
+
+@pytest.mark.parametrize("space", ["2d", "planar", "3d"])
+@pytest.mark.parametrize("share", [0.01, 0.3])
+def test_a_few_without_a_name_are_told_by_the_others(space: str, share: float) -> None:
+    """They lend their names, at the cost of a few maps of the log: no way is followed pose by pose for them."""
+    log = simulate(small(space), seed=2)
+    bare = bare_rows(log, share)
+    heard: list[tuple[int, int]] = []
+    found = associate(bare, lambda done, of: heard.append((done, of)))
+    assert 1 <= len(heard) <= 3
+    true, given = compared(log, found)
+    count = sum(int(is_unnamed(t.keys[:, -1]).sum()) for t in bare.tables)
+    assert count > 0
+    assert np.mean(true == given) >= 0.999
+    assert len(true) >= sum(int(is_landmark(t.keys[:, -1]).sum()) for t in log.tables) - 0.1 * count
+    assert found.landmarks == 0
+    assert sum(map(len, log.tables)) == len_of(found.dataset)
+    assert any("of landmarks with one" in note for note in found.dataset.notes)
+
+
+def len_of(log: Dataset) -> int:
+    return sum(map(len, log.tables)) + sum(d.count for d in log.dropped)
+
+
+def test_a_false_alarm_without_a_name_is_of_none() -> None:
+    """But of no landmark, and counted."""
+    log = simulate(small("2d"), seed=2)
+    bare = bare_rows(log, 0.02)
+    tables, wrong = [], 0
+    for table in bare.tables:
+        some = is_unnamed(table.keys[:, -1])
+        wrong += int(some.sum())
+        values = table.values.copy()
+        values[some, 0] += 25.0  # beyond all landmarks
+        tables.append(replace(table, values=values))
+    found = associate(bare.with_tables(tables))
+    assert found.strangers == wrong > 0
+    true, given = compared(log, found)
+    np.testing.assert_array_equal(true, given)
+
+
+def test_landmarks_without_a_name_beside_those_that_have_one() -> None:
+    """Four of twelve are never named: they are found as they are, and nobody else's sightings go to them."""
+    log = simulate(small("2d"), seed=3)
+    never = tuple(sorted({int(k) for t in log.tables for k in t.keys[:, -1][is_landmark(t.keys[:, -1])]})[:4])
+    found = associate(bare_rows(log, 1.0, of=never))
+    true, given = compared(log, found)
+    named = ~np.isin(true, never)
+    np.testing.assert_array_equal(true[named], given[named])
+    assert found.landmarks == len(never)
+    assert precision(true, given) >= 0.99
+    assert len(true) >= 0.9 * sum(int(is_landmark(t.keys[:, -1]).sum()) for t in log.tables)
+
+
 def test_a_log_with_names_is_left_as_it_is() -> None:
     log = simulate(small("2d"), seed=1)
     assert associate(log).dataset is log

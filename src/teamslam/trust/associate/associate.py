@@ -1,6 +1,7 @@
 """Who is who in a team's log where sightings of landmarks have no names: decided before anything is joined.
 
-    cooled   where robots see each other, and no landmark has a name, the team at once, coarsely first     (`cooling`)
+    by names  where most sightings have one, the others by the map of these                              (`by_names`)
+    cooled    where robots see each other, and no landmark has a name, the team at once, coarsely first   (`cooling`)
 
 and else
 
@@ -12,7 +13,7 @@ and else
 What comes out is a log in which every sighting that is kept names its landmark; `join` takes that as given.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -24,6 +25,7 @@ from teamslam.joining import join, split
 from teamslam.model import Dataset, Dropped, Kind, Names, Submap, Table, is_landmark, is_unnamed
 from teamslam.solver import Covariances
 from teamslam.trust.associate.across import Constellation, Motion, motions
+from teamslam.trust.associate.by_names import by_names
 from teamslam.trust.associate.compatible import NONE, UNSURE
 from teamslam.trust.associate.cooling import cooled
 from teamslam.trust.associate.sensing import Seen
@@ -59,19 +61,22 @@ class Associated:
     rivals: tuple[Rivals, ...]
 
 
-def associate(dataset: Dataset) -> Associated:
+def associate(dataset: Dataset, tell: Callable[[int, int], None] = lambda done, of: None) -> Associated:
     """Names for the landmarks of a log, where sightings have none (`teamslam.model.is_unnamed`).
 
     Sightings with names keep them, and lend them to what is the same. A log in which all have names is returned as it
     is. Law: sightings of one image are of different landmarks. Bearings and ranges alone place nothing, and are judged
-    by nobody: without a name they are left out.
+    by nobody: without a name they are left out. `tell` hears how far this is, and of how much.
     """
     bare = sum(int(is_unnamed(table.keys[:, -1]).sum()) for table in dataset.tables)
     if not bare:
         return Associated(dataset, 0, 0, 0, ())
+    if (told := by_names(dataset, tell)) is not None:
+        pieces = [_Piece.told(dataset, robot, marks) for robot, marks in told.items()]
+        return _named(dataset, pieces, (), {key: key for key in _names_of(dataset)})
     if team := cooled(dataset):
         return _named(dataset, [_Piece.told(dataset, robot, marks) for robot, marks in team.items()], ())
-    pieces = [_Piece.of(n, piece) for n, piece in enumerate(split(dataset))]
+    pieces = _alone(split(dataset), tell)
     pieces, rivals, scale = _together(pieces)
     for _ in range(ROUNDS):
         again = _again(pieces, scale)
@@ -92,10 +97,10 @@ class _Piece:
     submap: Submap | None
 
     @classmethod
-    def of(cls, number: int, log: Dataset) -> "_Piece":
+    def of(cls, number: int, log: Dataset, tell: Callable[[int, int], None]) -> "_Piece":
         """A piece that knows only of itself."""
         robot = log.tables[0].robot
-        own = within(log, robot)
+        own = within(log, robot, tell)
         marks = np.where(own.marks >= 0, own.marks + PIECE * number, own.marks)
         return cls(log, robot, own, marks, None).solved()
 
@@ -108,6 +113,16 @@ class _Piece:
     def solved(self) -> "_Piece":
         """With the map of its landmarks as they are now."""
         return replace(self, submap=map_of(self.log, self.own.seen, self.marks) if (self.marks >= 0).any() else None)
+
+
+def _alone(parts: list[Dataset], tell: Callable[[int, int], None]) -> list[_Piece]:
+    """Pieces of which each knows only of itself; `tell` hears how many poses of all are done."""
+    poses = [sum(map(len, part.pose_keys.values())) for part in parts]
+    pieces = []
+    for n, part in enumerate(parts):
+        before = sum(poses[:n])
+        pieces.append(_Piece.of(n, part, lambda done, of, before=before: tell(before + done, sum(poses))))  # type: ignore[misc]
+    return pieces
 
 
 def _labels(pieces: list[_Piece]) -> dict[int, int]:
@@ -264,17 +279,27 @@ def _components(pieces: list[_Piece]) -> Iterator[tuple[Submap, list[int]]]:
 # --- names ------------------------------------------------------------------------------------------------------------
 
 
-def _named(dataset: Dataset, pieces: list[_Piece], rivals: tuple[Rivals, ...]) -> Associated:
-    """The log with its landmarks named: by their labels where they have any, else by their first sighting."""
-    labels = _labels(pieces)
+def _names_of(dataset: Dataset) -> list[int]:
+    """The landmarks that sightings name."""
+    targets = np.unique(np.concatenate([table.keys[:, -1] for table in dataset.tables]))
+    return [int(key) for key in targets[is_landmark(targets) & ~is_unnamed(targets)]]
+
+
+def _named(
+    dataset: Dataset, pieces: list[_Piece], rivals: tuple[Rivals, ...], labels: dict[int, int] | None = None
+) -> Associated:
+    """The log with its landmarks named: by their `labels` where they have any (None: what their sightings say), else by
+    their first sighting."""
+    labels = _labels(pieces) if labels is None else labels
     first: dict[int, int] = {}
-    unsure = strangers = 0
+    lent = unsure = strangers = 0
     for piece in pieces:
         keys = np.array([piece.log.tables[a].keys[b, 1] for a, b in piece.own.seen.origin.tolist()], np.int64)
         for mark, key in zip(piece.marks.tolist(), keys.tolist(), strict=True):
             if mark >= 0:
                 first[mark] = min(first.get(mark, key), key)
         bare = piece.own.seen.labels < 0
+        lent += int((bare & np.isin(piece.marks, list(labels))).sum())
         unsure += int((bare & (piece.marks == UNSURE)).sum())
         strangers += int((bare & (piece.marks == NONE)).sum())
     names = {mark: labels.get(mark, key) for mark, key in first.items()}
@@ -301,13 +326,16 @@ def _named(dataset: Dataset, pieces: list[_Piece], rivals: tuple[Rivals, ...]) -
         kept,
         names=Names(dataset.names.robots, {**dataset.names.landmarks, **called}, dataset.names.tick_s),
         dropped=(*dataset.dropped, *dropped),
-        notes=(*dataset.notes, *_notes(len(found), rivals)),
+        notes=(*dataset.notes, *_notes(len(found), lent, rivals)),
     )
     return Associated(kept, len(found), unsure, strangers, rivals)
 
 
-def _notes(found: int, rivals: tuple[Rivals, ...]) -> Iterator[str]:
-    yield f"{found} landmark{'s' * (found != 1)} found in sightings without a name"
+def _notes(found: int, lent: int, rivals: tuple[Rivals, ...]) -> Iterator[str]:
+    if lent:
+        yield f"{lent} sighting{'s' * (lent != 1)} without a name {'is' if lent == 1 else 'are'} of landmarks with one"
+    if found or not lent:
+        yield f"{found} landmark{'s' * (found != 1)} found in sightings without a name"
     for rival in rivals:
         yield rival.sentence
 

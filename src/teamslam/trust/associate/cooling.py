@@ -25,7 +25,7 @@ from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import full
 from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.joining.start.targets import place_targets
-from teamslam.model import Dataset, Submap, Table, Values, chi2_quantile, is_landmark, is_pose, point_kind
+from teamslam.model import Dataset, Submap, Table, Values, chi2_quantile, is_pose, is_unnamed, point_kind
 from teamslam.solver import Covariances, Options, System, optimise
 from teamslam.trust.associate.compatible import NONE, UNSURE
 from teamslam.trust.associate.depth import straightened
@@ -53,6 +53,14 @@ def cooled(log: Dataset) -> dict[int, IntArray] | None:
 
     Law: sightings of one image are of different landmarks.
     """
+    named = any((Seen.of(log, robot).labels >= 0).any() for robot in log.robots)
+    return None if named or len(log.robots) < 2 else cooled_beside(log)
+
+
+def cooled_beside(log: Dataset) -> dict[int, IntArray] | None:
+    """The same of sightings without a name alone, beside landmarks that have one, where none of these is seen without:
+    they tell the ways like all else. None where the ways do not hang together so, or where landmarks without a name are
+    poses."""
     team = _Team.of(log)
     if team is None:
         return None
@@ -91,10 +99,10 @@ class _Team:
     @classmethod
     def of(cls, log: Dataset) -> "_Team | None":
         seen = {robot: Seen.of(log, robot) for robot in log.robots}
+        seen = {robot: each.select(np.flatnonzero(each.labels < 0)) for robot, each in seen.items()}
         tables = [table for each in seen.values() for table in each.tables]
-        rest = [t.select(np.flatnonzero(~is_landmark(t.keys[:, -1]))) for t in log.tables]
-        named = any((each.labels >= 0).any() for each in seen.values())
-        if len(log.robots) < 2 or not tables or named or any(table.row.targets_pose for table in tables):
+        rest = [t.select(np.flatnonzero(~is_unnamed(t.keys[:, -1]))) for t in log.tables]
+        if not tables or any(table.row.targets_pose for table in tables):
             return None
         try:
             joined = full(log.with_tables(table for table in rest if len(table)))
@@ -242,6 +250,8 @@ def _told(raw: _Team, map: _Map, marks: IntArray, landmarks: Array, s: float) ->
     """The landmark of every sighting (m,), UNSURE where it may be of several, NONE where of none."""
     off = s
     for _ in range(ROUNDS):
+        if not len(landmarks):
+            return np.full(len(marks), NONE)
         team = raw.straightened(map, marks, landmarks)
         map = team.seen_from(map.ways)
         marks, sure, landmarks = _members(team, map, marks, landmarks, off, CLOSE * s)

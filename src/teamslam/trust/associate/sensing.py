@@ -47,6 +47,11 @@ class Seen:
         return cls(tuple(tables), keys[:, 0], labels, np.concatenate(origin or [np.zeros((0, 2), np.int64)]))
 
     @property
+    def targets(self) -> IntArray:
+        """The key that each sighting's target has in the log (m,)."""
+        return np.concatenate([table.keys[:, 1] for table in self.tables] or [np.zeros(0, np.int64)])
+
+    @property
     def cells(self) -> Array:
         """For each sighting -2 log of how likely it is of a landmark that nobody knew (m,): anywhere in what its sensor
         sees, as spread as it has seen, and one in RARE."""
@@ -57,6 +62,18 @@ class Seen:
             spread = np.std((table.whitening @ off[..., None])[..., 0], axis=0)
             out.append(np.full(len(table), 2.0 * np.log(RARE * np.prod(np.maximum(np.sqrt(12.0) * spread, 1.0)))))
         return np.concatenate(out)
+
+    def select(self, places: IntArray) -> "Seen":
+        """Some of the sightings, in their order."""
+        places = np.sort(places)
+        parts = np.split(places, np.searchsorted(places, np.cumsum([len(table) for table in self.tables])))
+        starts = np.cumsum([0, *map(len, self.tables)])
+        some = [t.select(at - first) for t, at, first in zip(self.tables, parts, starts, strict=False) if len(at)]
+        return Seen(tuple(some), self.observers[places], self.labels[places], self.origin[places])
+
+    def blurred(self, scale: float) -> "Seen":
+        """The same sightings, with errors so many times larger."""
+        return replace(self, tables=tuple(replace(t, whitening=t.whitening / scale) for t in self.tables))
 
     def rows(self, places: IntArray, targets: IntArray) -> list[tuple[IntArray, Table]]:
         """Sightings as if of `targets` (k,): for each table, which of `places` (k,) are its rows, and these."""

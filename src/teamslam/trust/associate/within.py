@@ -8,7 +8,7 @@ again     with the robot's own least squares map, every sighting is judged anew,
           one; until nothing changes
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -21,9 +21,9 @@ from teamslam.joining.start.dead_reckoning import own_chain
 from teamslam.joining.start.odometry import odometry_links
 from teamslam.joining.start.targets import measured_poses
 from teamslam.model import Dataset, Kind, Submap, Values, landmark_key
-from teamslam.solver import Factor
 from teamslam.trust.associate.compatible import NEW, NONE, UNSURE, Reading, gate, matched, readings
 from teamslam.trust.associate.filter import HERE, Filter, Innovations
+from teamslam.trust.associate.joint import Joint
 from teamslam.trust.associate.sensing import Seen, slopes
 from teamslam.trust.associate.splitting import in_two
 
@@ -45,15 +45,15 @@ class Own:
     submap: Submap | None
 
 
-def within(piece: Dataset, robot: int) -> Own:
-    """The landmarks of one robot's piece of log.
+def within(piece: Dataset, robot: int, tell: Callable[[int, int], None] = lambda done, of: None) -> Own:
+    """The landmarks of one robot's piece of log. `tell` hears of how many poses, of how many, the sightings were read.
 
     Law: sightings of one image are of different landmarks; sightings of one label are of one landmark.
     """
     seen = Seen.of(piece, robot)
     if not len(seen):
         return Own(seen, np.zeros(0, np.int64), {}, None)
-    marks = dropped(_forward(piece, robot, seen))
+    marks = dropped(_forward(piece, robot, seen, tell=tell))
     for _ in range(ROUNDS):
         submap = map_of(piece, seen, marks)
         if submap is None:
@@ -118,7 +118,12 @@ def again_with(piece: Dataset, robot: int, seen: Seen, prior: Prior, labels: dic
 
 
 def _forward(
-    piece: Dataset, robot: int, seen: Seen, state: Filter | None = None, labels: dict[int, int] | None = None
+    piece: Dataset,
+    robot: int,
+    seen: Seen,
+    state: Filter | None = None,
+    labels: dict[int, int] | None = None,
+    tell: Callable[[int, int], None] = lambda done, of: None,
 ) -> IntArray:
     """The most likely story, of some that are followed side by side: decisions wait for what comes after."""
     chain = own_chain(piece, robot)
@@ -131,6 +136,7 @@ def _forward(
     at_pose = {int(seen.observers[image[0]]): image for image in images}
     here, new = _from_here(seen), seen.cells
     for step, pose in enumerate(chain.tolist()):
+        tell(step, len(chain))
         if step and which[step - 1] >= 0:
             moved = _step(piece, int(which[step - 1]), int(row[step - 1]), bool(backward[step - 1]), dim)
             for story in stories:
@@ -263,7 +269,7 @@ def judged(
     if not len(known) or not len(posed):
         return marks
     numbered = {n: labels[int(mark)] for n, mark in enumerate(known) if int(mark) in labels}
-    joint = _Joint(submap, FIRST + known)
+    joint = Joint(submap, FIRST + known, seen.observers[posed])
     out = marks.copy()
     order = posed[np.argsort(seen.observers[posed], kind="stable")]
     for image in np.split(order, np.flatnonzero(np.diff(seen.observers[order])) + 1):
@@ -294,30 +300,6 @@ def divided(seen: Seen, marks: IntArray, submap: Submap) -> IntArray:
             out[places[other if other.sum() * 2 <= len(other) else ~other]] = fresh
             fresh += 1
     return out
-
-
-class _Joint:
-    """Covariances of a map's landmarks with each other and with any one pose."""
-
-    def __init__(self, submap: Submap, keys: IntArray) -> None:
-        self.submap, self.layout = submap, submap.values.layout
-        factor = Factor.of(self.layout, submap.information, submap.names, submap.values)
-        self.unknowns = self.layout.unknowns(keys)
-        unit = np.zeros((self.layout.dof, len(self.unknowns)))
-        unit[self.unknowns, np.arange(len(self.unknowns))] = 1.0
-        self.across = factor.solve(unit)
-        self.marginals = factor.marginals()
-
-    def with_pose(self, key: int, dof: int) -> Array:
-        """The covariance of a pose, then of all landmarks, together; a map's base does not move."""
-        out = np.zeros((dof + len(self.unknowns),) * 2)
-        out[dof:, dof:] = self.across[self.unknowns]
-        if key != self.submap.base:
-            rows = self.layout.unknowns(np.array([key]))
-            out[:dof, :dof] = self.marginals[int(self.layout.index(key))]
-            out[:dof, dof:] = self.across[rows]
-            out[dof:, :dof] = self.across[rows].T
-        return out
 
 
 def _merged(seen: Seen, marks: IntArray, submap: Submap) -> IntArray:
