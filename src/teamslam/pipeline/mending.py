@@ -7,6 +7,7 @@ from dataclasses import replace
 from teamslam.config import Config
 from teamslam.errors import SolveError
 from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
+from teamslam.joining.join.held_frame import with_frame
 from teamslam.joining.start.blunt import blunt, with_levels
 from teamslam.model import Dataset, Submap
 from teamslam.pipeline.clock import Clock
@@ -88,14 +89,16 @@ def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, 
     return dataset, found
 
 
-def on_their_level(dataset: Dataset, joined: Joined) -> tuple[Dataset, tuple[str, ...]]:
-    """A log with what ranges tell to second order of landmarks that lie where all who range them stand; and which these
-    are, in words."""
+def completed(dataset: Dataset, joined: Joined) -> tuple[Dataset, tuple[str, ...]]:
+    """A log with what its first map shows to be missing for another that holds more: what ranges tell to second order
+    of landmarks that lie where all who range them stand, and a frame where the world was told only in part; and which
+    these are, in words."""
     words = list[str]()
     for component in joined.components if dataset.unknowns is None else ():
         found = blunt(dataset, component.map)
         dataset = with_levels(dataset, found, component.map.all_values)
-        words += [one.sentence(dataset.names) for one in found]
+        dataset, said = with_frame(dataset, component.map)
+        words += [*(one.sentence(dataset.names) for one in found), *([said] if said else [])]
     return dataset, tuple(words)
 
 

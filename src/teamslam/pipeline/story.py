@@ -25,8 +25,8 @@ from teamslam.pipeline.mending import (
     calibrated,
     carrying_unknowns,
     cleared,
+    completed,
     in_their_places,
-    on_their_level,
     once_more,
     settled_by,
 )
@@ -81,10 +81,10 @@ def _told(
     workers: Workers | None,
     work: Path | None,
     apart: tuple[Cause, ...] = (),
-    levels: tuple[str, ...] = (),
+    added: tuple[str, ...] = (),
 ) -> Result:
     """The story of a log whose landmarks have names; found by the map before: `apart`, those that are in two places,
-    and `levels`, what is said of those that lie where all who range them stand."""
+    and `added`, what is said of what it showed to be missing (see `completed`)."""
     found = settled_by(dataset, config, clock)
     dataset = dataset if found is None else found.log
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
@@ -97,11 +97,11 @@ def _told(
             joined = carrying_unknowns(joined, log, found)
     except SolveError as error:
         raise explained(error, log) from None
-    if workers is None and not levels:
-        again, levels = on_their_level(dataset, joined)
-        if levels:
-            return _told(again, config, clock, workers, work, apart, levels)
-    joined = replace(joined, remarks=(*joined.remarks, *levels))
+    if workers is None and not added:
+        again, added = completed(dataset, joined)
+        if added:
+            return _told(again, config, clock, workers, work, apart, added)
+    joined = replace(joined, remarks=(*joined.remarks, *added))
     at = _at(log, joined)
     calibration, seen, judged = None, None, None
     if workers is None:
@@ -113,7 +113,7 @@ def _told(
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
             again, moved = in_their_places(dataset, lies)
         if moved:
-            return _told(again, config, clock, workers, work, (*apart, *moved), levels)
+            return _told(again, config, clock, workers, work, (*apart, *moved), added)
         if config.calibrate:
             clock.start("calibration")
             calibration = calibrated(at, wrong)

@@ -28,17 +28,30 @@ STANDS = 1e-10
 @dataclass(frozen=True, eq=False)
 class Registration:
     """`pose` takes the map to the world; `information` (dof, dof) of an error of it, of a shift [m] and a turn about
-    the middle of what was measured [units of its spread]; `cost` of the rows that were looked at."""
+    the `middle` (d,) of what was measured [in units of which `scale` (dof,) is one]; `cost` of the rows looked at."""
 
     pose: Pose
     information: Array
     cost: float
+    middle: Array
+    scale: Array
 
     @property
     def rank(self) -> int:
         """How many directions are told."""
         sizes = np.linalg.eigvalsh(self.information)
         return int((sizes > TOLD * max(float(sizes[-1]), 1e-300)).sum())
+
+    def free_at(self, pose: Pose) -> Array:
+        """How a pose of the map moves in the world where nothing is told: directions (k, dof) in the chart of
+        `geometry.pose`, at right angles (of a turn a radian counts like a metre)."""
+        dim = len(self.middle)
+        group, there = rotations(dim), self.pose @ pose
+        axes = np.linalg.eigh(self.information)[1][:, : len(self.information) - self.rank] * self.scale[:, None]
+        arm = there.translation - self.middle
+        turned = np.stack([group.hat(axis) @ arm for axis in np.eye(group.DOF)], -1) @ axes[dim:]
+        body = there.rotation.T @ axes[dim:] if group.DOF > 1 else axes[dim:]
+        return np.linalg.qr(np.concatenate([axes[:dim] + turned, body]))[0].T
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +142,7 @@ def _settled(told: _Told, start: Pose, spread: float, steps: int) -> Registratio
             damping *= 10.0
             if damping > 1e6:
                 break
-    return Registration(pose, now[2], now[0])
+    return Registration(pose, now[2], now[0], pose.act(told.places.mean(0)), scale)
 
 
 def _at(told: _Told, pose: Pose, scale: Array) -> tuple[float, Array, Array]:
