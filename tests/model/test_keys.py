@@ -73,6 +73,8 @@ def test_what_does_not_fit_into_a_landmark_is_refused(number: int) -> None:
 @given(st.integers(0, 2**50 - 1))
 def test_a_landmark_called_by_a_number_has_that_number(number: int) -> None:
     assert landmark_number(str(number)) == landmark_number(f" {number} ") == number
+    assert landmark_number(f"{number}.0") == landmark_number(f"{number}.") == landmark_number(f"{number}.000") == number
+    assert landmark_number(f"{number}.5") != number != landmark_number(f"{number}.0.0")
 
 
 @given(st.lists(st.text(min_size=1).filter(lambda s: not s.strip().isdigit()), max_size=50, unique_by=str.strip))

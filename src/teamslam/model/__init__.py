@@ -31,6 +31,7 @@ from teamslam.model.keys import (
     pose_key,
     robot_of,
     unnamed_key,
+    whole,
 )
 from teamslam.model.layout import Kind, Layout, among, distinct, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
@@ -100,4 +101,5 @@ __all__ = [
     "variances",
     "whitening",
     "whitening_of_information",
+    "whole",
 ]

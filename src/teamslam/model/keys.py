@@ -47,11 +47,12 @@ def landmark_key(number: int | AnyArray) -> IntArray:
 
 
 def landmark_number(name: str) -> int:
-    """The number of a landmark that people call `name`: the integer itself where it is one, else a hash of the name.
+    """The number of a landmark that people call `name`: the integer itself where it is one, or one that was written as
+    a float (7.0), else a hash of the name.
 
     The hash (2^50 to 3 * 2^49) is the same on every machine, so robots agree on it without talking.
     """
-    text = name.strip()
+    text = whole(name.strip())
     if text.isascii() and text.isdigit() and int(text) < 1 << (INDEX_BITS - 1):
         return int(text)
     return _hashed(text)
@@ -70,6 +71,13 @@ def twin_key(mark: int, which: str) -> int:
 def _hashed(text: str) -> int:
     digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
     return (1 << (INDEX_BITS - 1)) | (int.from_bytes(digest, "little") & ((1 << (INDEX_BITS - 2)) - 1))
+
+
+def whole(name: str) -> str:
+    """A name without the zeros after the point of a whole number: 7 for 7.0, as pandas writes a column of integers in
+    which one cell is empty."""
+    digits, point, zeros = name.partition(".")
+    return digits if point and digits.isascii() and digits.isdigit() and not zeros.strip("0") else name
 
 
 def unnamed_key(robot: int, row: AnyArray) -> IntArray:

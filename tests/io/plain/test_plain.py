@@ -454,6 +454,69 @@ def test_damage_is_named_with_its_place(tmp_path: Path, damage: str) -> None:
         plain.read(folder(tmp_path, **files))
 
 
+def with_column(text: str, name: str, cells: list[str], *, first: bool = False) -> str:
+    """A CSV text with one column more."""
+    pairs = zip(text.splitlines(), [name, *cells], strict=True)
+    return "".join(f"{cell},{line}\n" if first else f"{line},{cell}\n" for line, cell in pairs)
+
+
+@pytest.mark.parametrize("name", ["", "Unnamed: 0"])
+@pytest.mark.parametrize("cells", [["0", "1"], ["a", "b"], ['"0"', '"1"']])
+def test_the_index_that_pandas_writes_is_not_read(tmp_path: Path, name: str, cells: list[str]) -> None:
+    """The log is the same, and nothing is said."""
+    marks = "landmark,x,y\n7,1,2\n8,3,4\n"
+    team = TEAM + '[truth]\nlandmarks = "marks.csv"\n'
+    bare = plain.read(folder(tmp_path / "bare", team=team, marks=marks))
+    texts = {"odometry": ODOMETRY, "landmarks": LANDMARKS, "marks": marks}
+    indexed = {file: with_column(text, name, cells, first=True) for file, text in texts.items()}
+    found = plain.read(folder(tmp_path / "indexed", team=team, **indexed))
+    assert found.notes == bare.notes == ()
+    assert found.truth is not None and len(found.truth) == 2
+    for mine, theirs in zip(found.tables, bare.tables, strict=True):
+        np.testing.assert_array_equal(mine.keys, theirs.keys)
+        np.testing.assert_array_equal(mine.values, theirs.values)
+
+
+def test_columns_that_mean_nothing_here_are_named_and_not_read(tmp_path: Path) -> None:
+    """Once a file, whatever is in their cells."""
+    rows = with_column(with_column(LANDMARKS, "battery_V", ["11.9", "11.8"]), "rssi", ["weak", ""])
+    found = plain.read(folder(tmp_path / "more", landmarks=rows))
+    bare = plain.read(folder(tmp_path / "bare"))
+    assert [note.split(": ", 1)[1] for note in found.notes] == [
+        "the columns 'battery_V', 'rssi' have no meaning here and are not read"
+    ]
+    for mine, theirs in zip(found.tables, bare.tables, strict=True):
+        np.testing.assert_array_equal(mine.keys, theirs.keys)
+        np.testing.assert_array_equal(mine.values, theirs.values)
+
+
+@pytest.mark.parametrize(
+    "name", ["sigma_bering", "Sigma_range", "sigma_r", "cov_xx", "inf_q", "observr", "othr", "landmark_id", "ids"]
+)
+def test_a_misspelt_column_is_not_lost(tmp_path: Path, name: str) -> None:
+    """What looks like a column that is known, or like noise, is an error; what is known and there is nobody's typo."""
+    rows = with_column(LANDMARKS, name, ["1", "2"])
+    if name == "landmark_id":
+        assert len(plain.read(folder(tmp_path, landmarks=rows)).notes) == 1
+        return
+    with pytest.raises(InputError, match=f"line 1, field '{name}': unknown column; (did you mean|known columns)"):
+        plain.read(folder(tmp_path, landmarks=rows))
+
+
+def test_a_number_that_is_written_as_a_float_is_the_same_landmark(tmp_path: Path) -> None:
+    """And the same robot: pandas writes integers so where one cell of their column is empty."""
+    team = TEAM.replace('name = "red"', 'name = "1"').replace('robot = "red"\n', "")
+    odometry, more = with_column(ODOMETRY, "robot", ["1.0", "1.0"]), "2,,3,0.1,1\n"
+    floats = with_column(LANDMARKS.replace("0,7,", "0,7.0,"), "robot", ["1", "1.0"]) + more
+    whole = with_column(LANDMARKS, "robot", ["1", "1"]) + more
+    found = plain.read(folder(tmp_path / "floats", team=team, odometry=odometry, landmarks=floats))
+    known = plain.read(folder(tmp_path / "whole", team=team, odometry=odometry, landmarks=whole))
+    for mine, theirs in zip(found.tables, known.tables, strict=True):
+        np.testing.assert_array_equal(mine.keys, theirs.keys)
+    assert found.names == known.names
+    assert found.names.landmark(7) == "7"
+
+
 def test_binary_rubbish_and_missing_folders(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such folder"):
         plain.read(tmp_path / "nothing")

@@ -11,6 +11,9 @@ from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.io.files.grid import Words, decoded
 
+LIKE = 0.75  # of a misspelt name's letters, about, are those of the right one
+NOISE = ("sigma", "cov_", "inf_")  # what columns of noise begin with
+
 
 @dataclass(frozen=True, eq=False)
 class Csv:
@@ -69,6 +72,27 @@ class Csv:
                 near = difflib.get_close_matches(name, known, 1)
                 hint = f"did you mean '{near[0]}'?" if near else f"known columns: {', '.join(known)}"
                 raise InputError(f"unknown column; {hint}", path=self.path, line=1, field=name)
+
+    def notes_of_others(self, known: Iterable[str]) -> list[str]:
+        """Words on the columns that have no meaning here. InputError for one that looks like a known column, misspelt:
+        like one that is not there, or like the end of one, or like one of noise."""
+        known = sorted(known)
+        others = [name for name in self.columns if name not in known]
+        absent = {name.lower(): name for name in known if name not in self.columns}
+        for name in others:
+            near = difflib.get_close_matches(name.lower(), list(absent), 1, LIKE)
+            near = near or [key for key in absent if key.endswith(f"_{name.lower()}")]
+            if near or name.lower().startswith(NOISE):
+                hint = f"did you mean '{absent[near[0]]}'?" if near else f"known columns: {', '.join(known)}"
+                raise InputError(
+                    f"unknown column; {hint} (a column of something else needs another name)",
+                    path=self.path, line=1, field=name,
+                )  # fmt: skip
+        if not others:
+            return []
+        names = ", ".join(f"'{name}'" for name in others)
+        many = f"columns {names} have" if len(others) > 1 else f"column {names} has"
+        return [f"{self.path}: the {many} no meaning here and {'are' if len(others) > 1 else 'is'} not read"]
 
     def _column(self, name: str) -> Array | Words | Sequence[str]:
         if name not in self.columns:

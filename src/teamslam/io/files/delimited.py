@@ -97,6 +97,8 @@ def any_columns(path: Path, fields: Sequence[str]) -> Columns:
     return Columns(np.stack(numbers, -1), places)
 
 
+INDEX = "\n"  # the heading of a column that numbers the rows: nothing that a file can call one
+
 # --- CSV --------------------------------------------------------------------------------------------------------------
 
 
@@ -104,7 +106,8 @@ def read_csv(path: Path, *, words: Collection[str] = ()) -> Csv:
     """A CSV file with a header line. Blank lines and lines that begin with `#` are left out.
 
     The separator is the comma, semicolon or tab that the header uses. `words`: the columns, where they are there, that
-    hold names; all others should hold numbers. InputError for a file without a header, a column named twice, or a row
+    hold names; all others should hold numbers. A first column without a name, or called 'Unnamed: 0', is the index that
+    pandas writes, and is passed over. InputError for a file without a header, a column named twice, or a row
     of another length than the header; what is wrong with a cell is said when its column is asked for.
     """
     return plain_csv(_read_bytes(path), path, words) or any_csv(path)
@@ -121,6 +124,8 @@ def plain_csv(content: bytes, path: Path, words: Collection[str]) -> Csv | None:
     line = first.decode()
     separator = _separator((above + first).decode())
     header = [name.strip() for name in line.split(separator)]
+    if is_index(header[0]):
+        header[0] = INDEX
     if b"#" in below or len(set(header)) < len(header) or not any(header):
         return None
     grid = separated(body, separator, len(header))
@@ -130,7 +135,7 @@ def plain_csv(content: bytes, path: Path, words: Collection[str]) -> Csv | None:
     numbers, names = grid.numbers(*named), {header[place]: grid.words(place) for place in named}
     if numbers is None or None in names.values():
         return None
-    columns = {name: names.get(name) or numbers[:, place] for place, name in enumerate(header)}
+    columns = {name: names.get(name) or numbers[:, place] for place, name in enumerate(header) if name != INDEX}
     return Csv(path, columns, 2 + above.count(b"\n") + np.arange(len(numbers)))
 
 
@@ -147,7 +152,7 @@ def any_csv(path: Path) -> Csv:
             if not any(cells) or cells[0].startswith("#"):
                 continue
             if header is None:
-                header = cells
+                header = [INDEX if is_index(cells[0]) else cells[0], *cells[1:]]
                 continue
             if len(cells) != len(header):
                 raise InputError(
@@ -165,7 +170,13 @@ def any_csv(path: Path) -> Csv:
         if header.count(name) > 1:
             raise InputError("this column stands twice in the header", path=path, line=1, field=name)
     columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
-    return Csv(path, dict(zip(header, columns, strict=True)), np.asarray(lines, np.int64))
+    named = {name: column for name, column in zip(header, columns, strict=True) if name != INDEX}
+    return Csv(path, named, np.asarray(lines, np.int64))
+
+
+def is_index(name: str) -> bool:
+    """What the index of a table is called where pandas wrote it, or wrote it again."""
+    return name in ("", "Unnamed: 0")
 
 
 def _separator(text: str) -> str:

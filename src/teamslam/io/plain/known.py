@@ -29,7 +29,10 @@ def read_known(
         part
         for name in _files(known.robots)
         for part in _robots(read_csv(folder / name, words=NAMED), team, roster, dataset, notes)
-    ] + [_landmarks(read_csv(folder / name, words=NAMED), team, roster, dataset) for name in _files(known.landmarks)]
+    ] + [
+        _landmarks(read_csv(folder / name, words=NAMED), team, roster, dataset, notes)
+        for name in _files(known.landmarks)
+    ]
     if not parts:
         return None
     by_kind = {kind: [part[1:] for part in parts if part[0] == kind] for kind in {part[0] for part in parts}}
@@ -56,7 +59,7 @@ def _robots(
 ) -> list[tuple[Kind, IntArray, Pose]]:
     """Poses of robots, those of each robot by themselves; `notes` hears of robots at other times."""
     kind = kind_of(csv, poses_only=True)
-    csv.refuse_others(["robot", "stamp", *POSE[kind.dim]])
+    notes += csv.notes_of_others(["robot", "stamp", *POSE[kind.dim]])
     robots, ticks, poses = roster.robots(csv, "robot"), ticks_of(csv, "stamp", team.tick_s), read_poses(csv, kind.dim)
     out = []
     for robot in np.unique(robots).tolist():
@@ -88,10 +91,12 @@ def _robots(
     return out
 
 
-def _landmarks(csv: Csv, team: Team, roster: Roster, dataset: Dataset) -> tuple[Kind, IntArray, Pose | Array]:
+def _landmarks(
+    csv: Csv, team: Team, roster: Roster, dataset: Dataset, notes: list[str]
+) -> tuple[Kind, IntArray, Pose | Array]:
     """Points, or poses of landmarks with orientation; of more than is asked, what is asked."""
     kind = kind_of(csv, poses_only=False)
-    csv.refuse_others(["landmark", *(POSE[kind.dim] if kind.is_pose else POINT[kind.dim])])
+    notes += csv.notes_of_others(["landmark", *(POSE[kind.dim] if kind.is_pose else POINT[kind.dim])])
     keys = roster.landmarks(csv)
     _, first = np.unique(keys, return_index=True)
     again = np.setdiff1d(np.arange(len(keys)), first)

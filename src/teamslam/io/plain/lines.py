@@ -62,7 +62,9 @@ class Lines:
             own = msgspec.structs.replace(log, robot=robot)
             self._logs[log.file] = (place, own)
             empty = _without_rows(read_csv(folder / log.file, words=NAMED))
-            tables += [t for t in self._read(empty, own, place, {}) if t.robot == self.robot]
+            tables += [
+                t for t in read_tables(empty, own, self._team, self._roster, {}, place, []) if t.robot == self.robot
+            ]
         self._names, self._known = self._roster.names, self._roster.known
         self.head = Dataset(self._roster.dims, tuple(tables), self._roster.names, origin=str(folder))
 
@@ -102,7 +104,7 @@ class Lines:
         csv = Csv(
             Path("stdin"), {name: self._column(name, cell) for name, cell in cells.items()}, np.array([self._count])
         )
-        return self._read(csv, log, place, self._taken)[0]
+        return read_tables(csv, log, self._team, self._roster, self._taken, place)[0]
 
     def stamp_s(self, table: Table) -> float:
         """When a row was measured [s]: at the latest of its own poses; 0 where it is of none."""
@@ -116,9 +118,6 @@ class Lines:
         if not isinstance(cell, int | float):
             raise InputError(f"expected a number, found {cell!r}", path="stdin", line=self._count, field=name)
         return np.array([float(cell)])
-
-    def _read(self, csv: Csv, log: Log, place: int, taken: dict[tuple[int, str], int]) -> list[Table]:
-        return read_tables(csv, log, self._team, self._roster, taken, place)
 
 
 def _without_rows(csv: Csv) -> Csv:

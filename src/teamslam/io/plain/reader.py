@@ -98,24 +98,34 @@ def _read_logs(folder: Path, team: Team, roster: Roster) -> tuple[list[Table], l
                 raise InputError(
                     f'{log.model} needs keyframes = "interpolate"', path=folder / FILE, field=f"log[{place}].model"
                 )
-            streams += _read_streams(csv, log, team, roster)
+            streams += _read_streams(csv, log, team, roster, notes)
             if log.model == "odometry_poses" and csv.has("theta"):
                 notes += notes_of_headings(csv, _robots(csv, log, roster))
         else:
-            tables += read_tables(csv, log, team, roster, taken, place)
+            tables += read_tables(csv, log, team, roster, taken, place, notes)
             notes += notes_of_angles(csv, log.model, tables[-1].dim) if len(csv) else []
     return tables, streams, notes
 
 
 def read_tables(
-    csv: Csv, log: Log, team: Team, roster: Roster, taken: dict[tuple[int, str], int], place: int
+    csv: Csv,
+    log: Log,
+    team: Team,
+    roster: Roster,
+    taken: dict[tuple[int, str], int],
+    place: int,
+    notes: list[str] | None = None,
 ) -> list[Table]:
     """A file of increments, sightings or fixes: the one at a `place` in team.toml. `taken`: how many rows each robot's
-    log of each source has so far; it is brought up to date."""
+    log of each source has so far; it is brought up to date. Words on columns without a meaning are added to `notes`;
+    None: there may be none."""
     planar = all(dim == 2 for dim in roster.dims.values())
     dim = dim_of(csv, log.model, log.dim, 2 if planar else 3)
     noise = components(log.model, dim)
-    csv.refuse_others([*KEY_COLUMNS, *value_columns(log.model, dim), *noise_columns(noise)])
+    if notes is None:
+        csv.refuse_others(_known(log.model, dim))
+    else:
+        notes += csv.notes_of_others(_known(log.model, dim))
     robots = _robots(csv, log, roster)
     keys, source = _keys(csv, log, team, roster, robots, place)
     values = read_values(csv, log.model, dim)
@@ -148,13 +158,19 @@ def read_tables(
     return tables
 
 
-def _read_streams(csv: Csv, log: Log, team: Team, roster: Roster) -> list[Stream]:
+def _known(model: str, dim: int) -> list[str]:
+    return [*KEY_COLUMNS, *value_columns(model, dim), *noise_columns(components(model, dim))]
+
+
+def _read_streams(csv: Csv, log: Log, team: Team, roster: Roster, notes: list[str]) -> list[Stream]:
     """A file of absolute odometry poses or of velocities."""
     robots = _robots(csv, log, roster)
     ticks = ticks_of(csv, "stamp", team.tick_s)
     noise = (
         None if log.noise is None else VelocityNoise(**{f: getattr(log.noise, f) for f in log.noise.__struct_fields__})
     )
+    columns = ("v", "w") if noise is not None else value_columns("pose", dim_of(csv, "pose", log.dim, 2))
+    notes += csv.notes_of_others(["robot", "stamp", *columns])
     every = max(round(min(log.every_s, 1e12) / team.tick_s), 1)
     streams = []
     for robot in _speakers(log, roster, robots):
@@ -173,13 +189,11 @@ def _read_streams(csv: Csv, log: Log, team: Team, roster: Roster) -> list[Stream
             )
         common = (robot, log.source or "odometry", ticks[rows], every, Loss(log.loss, log.loss_scale))
         if noise is not None:
-            csv.refuse_others(["robot", "stamp", "v", "w"])
             if roster.dims[robot] != 2:
                 raise InputError("velocities v, w are of a robot in the plane (dim = 2)", path=csv.path)
             streams.append(Stream(*common, velocities=csv.numbers("v", "w")[rows], noise=noise))
         else:
             dim = dim_of(csv, "pose", log.dim, 2)
-            csv.refuse_others(["robot", "stamp", *value_columns("pose", dim)])
             _check_dim(csv, dim, roster, robot)
             W = read_noise(csv, components("pose", dim), log.sigma, log.covariance)
             streams.append(Stream(*common, poses=read_poses(csv, dim)[rows], rate_whitening=W))

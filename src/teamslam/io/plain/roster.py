@@ -9,7 +9,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import IntArray
 from teamslam.io.files.csv_file import Csv
 from teamslam.io.plain.schema import FILE, Robot, Team, numbers_of
-from teamslam.model import Names, landmark_key, landmark_number
+from teamslam.model import Names, landmark_key, landmark_number, whole
 
 NAMED = ("robot", "observer", "landmark", "other")  # the columns that hold names
 
@@ -50,13 +50,14 @@ class Roster:
     def robots(self, csv: Csv, column: str) -> IntArray:
         """A column of robots' names as numbers (m,). InputError for a name that is not in team.toml."""
         words = csv.words(column)
+        numbers = [self._robots.get(word, self._robots.get(whole(word))) for word in words.names]
         for code, word in enumerate(words.names):
-            if word not in self._robots:
+            if numbers[code] is None:
                 near = difflib.get_close_matches(word, list(self._robots), 1)
                 hint = f"did you mean '{near[0]}'?" if near else f"team.toml has {', '.join(self._robots)}"
                 row = int(np.argmax(words.codes == code))
                 raise csv.fail(row, f"unknown robot '{word}'; {hint} A new robot needs a [[robot]] there", column)
-        return np.array([self._robots[word] for word in words.names], np.int64)[words.codes]
+        return np.array(numbers, np.int64)[words.codes]
 
     def landmarks(self, csv: Csv) -> IntArray:
         """The column `landmark` as keys (m,); -1 where it is empty: nobody said which landmark it is."""
@@ -66,7 +67,8 @@ class Roster:
         return keys
 
     def number_of(self, name: str) -> int:
-        """The number of a landmark, which gets one where it is new."""
+        """The number of a landmark, which gets one where it is new; a whole number is called so, however written."""
+        name = name if name in self._team.landmarks else whole(name)
         if name not in self._landmarks:
             given = self._team.landmarks.get(name)
             number = landmark_number(name) if given is None else given
