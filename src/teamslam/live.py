@@ -78,6 +78,7 @@ def spoken(
         if line is None:
             return
         if not line.strip():
+            lines.pass_over()
             continue
         try:
             table = lines.row(line)

@@ -23,6 +23,7 @@ from teamslam.events import happened
 from teamslam.io import read, read_submaps, write
 from teamslam.io.plain.lines import Lines
 from teamslam.joining import build, split
+from teamslam.live import spoken
 from teamslam.robot import Options
 from teamslam.team import SubmapSet
 from teamslam.wire.messages import canonical
@@ -279,6 +280,14 @@ def test_a_line_that_makes_no_sense_is_named(log: Path, line: str, says: str) ->
     with pytest.raises(InputError) as error:
         Lines(log, "2").row(line)
     assert says in str(error.value)
+
+
+def test_blank_lines_count_where_a_line_makes_no_sense(log: Path) -> None:
+    """The number is that of the line as an editor counts them."""
+    said: list[str] = []
+    stream = ["\n", '{"file": 1}\n', "  \n", "\n", "[1]\n"]
+    told = list(spoken(Lines(log, "2"), stream, lambda error: said.append(str(error)), 60.0))
+    assert told == [] and ["line 2" in said[0], "line 5" in said[1]] == [True, True]
 
 
 def test_what_happened_is_told_once() -> None:

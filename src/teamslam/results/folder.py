@@ -5,6 +5,9 @@ What is in it:
     maps/              the maps, one for each component, as teamslam.read_submaps opens them
     map.npz            the maps of all components as plain numpy arrays (see `archive`)
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
+                       (of poses heading_rad, or where anything of the team is in space z_m and qw, qx, qy, qz for all;
+                       of a landmark its place: how a tag is turned stands in map.npz, and in map.csv of
+                       `teamslam convert DIR map.csv`)
     tum/               each robot's way, for evo and others
     figures/           the map with its ellipses and the truth, convergence, residuals, errors over time, consistency;
                        of recordings also figures 5 to 7 of the paper (see `experiment`)

@@ -83,6 +83,10 @@ class Lines:
             key = (table.robot, table.source)
             self._taken[key] = max(self._taken.get(key, 0), int(table.ids.max(initial=-1)) + 1)
 
+    def pass_over(self) -> None:
+        """Count a line that tells nothing, such as a blank one: complaints name the lines of what was sent."""
+        self._count += 1
+
     def row(self, line: str | bytes) -> Table:
         """One line as a table of one row. Raises InputError with the number of the line, the field and the cure."""
         self._count += 1
