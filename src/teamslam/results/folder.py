@@ -5,7 +5,7 @@ What is in it:
     maps/              the maps, one for each component, as teamslam.read_submaps opens them
     map.npz            the maps of all components as plain numpy arrays (see `archive`)
     trajectories.csv   landmarks.csv   team.csv      estimates with covariances, for spreadsheets and pandas
-                       (of poses heading_rad, or where anything of the team is in space z_m and qw, qx, qy, qz for all;
+                       (of poses heading_rad, or where any robot or tag is a pose in space z_m and qw, qx, qy, qz;
                        of a landmark its place: how a tag is turned stands in map.npz, and in map.csv of
                        `teamslam convert DIR map.csv`)
     tum/               each robot's way, for evo and others
