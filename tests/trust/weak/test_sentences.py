@@ -128,3 +128,4 @@ def test_with_what_was_said_known_nothing_is_known_less_well(world: str) -> None
     assert weak.least.place_m == pytest.approx(max(places), rel=1e-6)
     assert weak.least.place == layout.keys[int(np.argmax(places))]
     assert weak.sentences[-1].startswith("With these known, every place is known to ")
+    assert ("in the map as a whole" in weak.sentences[-1]) == (known.frame.shape[1] > 0)  # the frame's own place too

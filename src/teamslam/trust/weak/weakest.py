@@ -85,7 +85,9 @@ class Weak:
         names, least = self.known.names, self.least
         turn = f", every heading to {radians(least.heading_rad)}" if least.heading_rad > 0.0 else ""
         given = "With these known, every" if self.open or self.directions else "Every"
-        return f"{given} place is known to {metres(least.place_m)} ({names.describe(least.place)}){turn}, or better"
+        beside = ", in the map as a whole" if self.known.frame.shape[1] else ""  # whichever pose is its frame
+        where = f"{metres(least.place_m)}{beside} (least: {names.describe(least.place)})"
+        return f"{given} place is known to {where}{turn}, or better"
 
 
 def weakest(map: Submap, most: int = MOST) -> Weak:
