@@ -166,6 +166,15 @@ def _remark(remark: str, outcome: Outcome, findings: Findings) -> None:
         findings.check("remark: a robot that no row speaks of", silent, remark)
     elif match := re.fullmatch(r"submap (.+) stopped (\S+) sigma from its optimum, and is used as it is", remark):
         findings.check("remark: a submap that is nearly at its optimum", float(match[2]) <= LITTLE, remark)
+    elif match := re.fullmatch(r"(.+): its (\d+) ranges come from one .+ give or take (\S+) m", remark):
+        rows = [t for t in log.tables if t.source == "levels" and log.names.describe(int(t.keys[0, 1])) == match[1]]
+        sigma = 1.0 / float(np.linalg.norm(rows[0].whitening[0, 0]))
+        findings.check(
+            "remark: a landmark that lies where all who range it are", abs(sigma / float(match[3]) - 1) < 0.1, remark
+        )
+    elif match := re.fullmatch(r"what was measured in the world tells of (\d) of the (\d) ways .+ has it", remark):
+        held = [int(t.ranks.sum()) for t in log.tables if t.source == "frame"]
+        findings.check("remark: a world that is told in part", int(match[2]) - int(match[1]) in held, remark)
     elif (true := fits_there(remark, [c.map for c in outcome.components], log.tables)) is not None:
         findings.check("remark: a landmark that fits at two places", true, remark)
     else:

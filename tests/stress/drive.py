@@ -75,6 +75,7 @@ class Drive:
         return "exact" if self.config.method == "join" and self.config.join.exact else self.config.method
 
 
+ADDED = ("levels", "frame")  # sources of rows that a run adds, and says so
 EXACT = Config(join=JoinOptions(exact=True))
 PIECES = SplitOptions(poses_per_piece=3)
 DRIVES: dict[str, Drive] = {
@@ -124,7 +125,9 @@ def _mapped(outcome: Outcome, drive: Drive) -> Outcome:
         return replace(outcome, joined=_by_functions(outcome.log, drive.config))
     as_stated = replace(drive.config, calibrate=False)  # what is checked is checked of the rows as they are
     result = ts.run(outcome.log, as_stated, workers=Threads() if drive.on_workers else None)
-    return replace(outcome, result=result, joined=result.joined)
+    added = [table for table in result.dataset.tables if table.source in ADDED]
+    log = replace(outcome.log.with_tables([*outcome.log.tables, *added]), truth=result.dataset.truth)
+    return replace(outcome, log=log if added else outcome.log, result=result, joined=result.joined)
 
 
 def through_file(log: Dataset, format: str) -> tuple[Dataset, tuple[Dropped, ...]]:

@@ -9,11 +9,11 @@ the tilt that an accelerometer knows, fixes of which one coordinate is missing.
 What no row tells is left as it starts; `information` shows which directions these are.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from teamslam.geometry import Array, Pose, align, lift_points, rotations
 from teamslam.model import Table, Values
@@ -23,6 +23,9 @@ STEPS = 30
 LOOKS = 4  # steps before the better half of the starts goes on
 TOLD = 1e-9  # of the largest information: what is below that is not told
 STANDS = 1e-10
+_SIGNS = itertools.product((1.0, -1.0), repeat=3)
+_SIGNED = [np.eye(3)[list(axes)] * s for axes, s in itertools.product(itertools.permutations(range(3)), _SIGNS)]
+_CUBE = np.array([turn for turn in _SIGNED if np.linalg.det(turn) > 0.0])  # the turns of a cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +114,7 @@ def _starts(told: _Told, middle: Array, dim: int) -> Iterator[Pose]:
     """Fits of whole places, and turns about them."""
     whole = told.whole
     first = align(told.places[whole], told.goals[whole]).pose if whole.any() else Pose.identity(dim)
-    if dim == 2:
-        turns = rotations(2).exp(np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)[:, None])
-    else:
-        turns = Rotation.create_group("O").as_matrix()
+    turns = rotations(2).exp(np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)[:, None]) if dim == 2 else _CUBE
     goal = first.act(middle)
     for turn in sorted(turns, key=lambda turn: -float(np.trace(turn))):  # as it is comes first
         yield Pose(turn @ first.rotation, goal - turn @ first.rotation @ middle)

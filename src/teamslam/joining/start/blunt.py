@@ -20,12 +20,13 @@ from functools import reduce
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
-from teamslam.joining.start.triangulate import HELD, Bundle, kinds_of
+from teamslam.joining.start.triangulate import Bundle, kinds_of
 from teamslam.model import WORLD, Dataset, Kind, Names, Submap, Table, Values, is_landmark, robot_of
 from teamslam.solver import System
 
 SOURCE = "levels"  # of the rows that say so
 STEPS = 3
+SHARE = 0.1  # of how far away it is: what may be farther across is not worth a word
 UPRIGHT = 0.99  # of a direction's length along z: it is height
 
 
@@ -86,7 +87,7 @@ def _by_itself(keys: IntArray, tables: Sequence[Table], values: Values, dim: int
     for n in np.flatnonzero(is_blunt).tolist():
         seers = np.unique(np.concatenate([t.keys[t.keys[:, -1] == keys[n], 0] for t in tables]))
         away = np.linalg.norm(values.positions(seers, dim) - places[n], axis=-1)
-        sigma, farthest = float(np.sqrt(variance[n])), HELD * float(np.median(away))
+        sigma, farthest = float(np.sqrt(variance[n])), SHARE * float(np.median(away))
         if sigma < farthest and sizes[n, 1] * farthest**2 > 1.0:
             observer = int(seers[np.argmin(away)])
             yield Blunt(int(keys[n]), places[n], across[n], sigma, farthest, observer, int(bundle.seen[n]))
