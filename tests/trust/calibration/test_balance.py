@@ -9,30 +9,18 @@ import pytest
 import teamslam as ts
 from teamslam.joining import AtMap, full
 from teamslam.model import Dataset
-from teamslam.trust.calibration.choice import Choice
 from teamslam.trust.calibration.components import Components
-from teamslam.trust.calibration.drawn import white_noise
-from teamslam.trust.calibration.noise import Noise
-from teamslam.trust.calibration.rows import lasting_of, linear_at
-from teamslam.trust.calibration.search import Search
-from teamslam.trust.calibration.slips import Slips
+from teamslam.trust.calibration.estimate import searched
+from teamslam.trust.calibration.rows import linear_at
 from trust.calibration.faulty import misstated, persistent, team, veering
 
 STARTS = (0.1, 10.0)  # of each variance, times what was found
-SHARE = 0.25  # of a component's own deviation
-
-
-def _searched(log: Dataset) -> tuple[Search, Choice]:
-    """A log's search when it is over, and the systematic errors that it let in."""
-    linear = linear_at(AtMap(log.tables, full(log).map))
-    stated = [Noise.stated(table) for table in linear.tables]
-    slips = [Slips.of(table, lasting_of(table, linear.names)) for table in linear.tables]
-    search = Search(linear, stated, slips, white_noise(linear))
-    return search, search.sweep().choice
+SHARE = 0.5  # of a component's own deviation
 
 
 def _settles_from_anywhere(log: Dataset) -> None:
-    search, choice = _searched(log)
+    search, fit = searched(linear_at(AtMap(log.tables, full(log).map)))
+    choice = fit.choice
     search.balance(choice)
     scales, theta = search.scales, search.theta
     free = Components.of(search.slips, scales)

@@ -25,7 +25,7 @@ from teamslam.trust.calibration.slips import Slips
 
 STEPS, HALVINGS = 30, 4
 MOST = 1.4  # of a logarithm in one step
-SETTLED = 0.1  # of its own deviation, by which the next step would move it at most
+SETTLED = 0.2  # of its own deviation, by which the next step would move it at most
 BEGUN, LEAST = 0.1, 0.01  # of what is stated, on the mean of rows: where slips begin, and less than which goes out
 OWN = 0.05  # of what rows tell of a slip, that scales do not say as well: else these say it
 FARTHER, NEAR = 4.0, 0.5  # than by the average information; steps that show how scores bend

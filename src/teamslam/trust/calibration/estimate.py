@@ -55,14 +55,18 @@ def estimate(at: AtMap) -> Estimate | None:
         raise SolveError("too little is measured twice for the measurements to be told from their errors")
     if not suspicious(at):
         return None
-    linear = linear_at(at)
-    stated = [Noise.stated(table) for table in linear.tables]
-    slips = [Slips.of(table, lasting_of(table, linear.names)) for table in linear.tables]
-    search = Search(linear, stated, slips, white_noise(linear))
-    fit = search.sweep()
+    search, fit = searched(linear_at(at))
     return Estimate(
         search.linear, tuple(search.scales), tuple(search.tempers), tuple(search.now), search.lasting, search.theta, fit
     )
+
+
+def searched(linear: Linear) -> tuple[Search, Fit]:
+    """What is wrong with the noise of rows, looked for, and the last fit, whether anything looks wrong or not."""
+    stated = [Noise.stated(table) for table in linear.tables]
+    slips = [Slips.of(table, lasting_of(table, linear.names)) for table in linear.tables]
+    search = Search(linear, stated, slips, white_noise(linear))
+    return search, search.sweep()
 
 
 def systematic_of(found: Estimate) -> list[Systematic]:

@@ -63,7 +63,7 @@ class Search:
 
     def sweep(self) -> Fit:
         """All sweeps, or the first alone where it shows nothing wrong; the last fit."""
-        fit = self._fit(tempered=False)  # every systematic error is let in
+        fit = self.fit(tempered=False)  # every systematic error is let in
         both = self._left(fit)
         self._resize(both, by_chance(FALSE_ALARM / len(SLIPS)))
         if any((self.scales[k] < 1.0).any() for members in self.kinds.values() for k in members):
@@ -79,17 +79,17 @@ class Search:
         self.theta = np.zeros(len(SLIPS))  # errors that hang together may pass for slips until it is known how they do
         self._move()
         self._settle(None)
-        choice = self._fit().chosen().choice
+        choice = self.fit().chosen().choice
         self._settle(choice)
         self._refine(choice)
-        return self._fit(differing=True).chosen()
+        return self.fit(differing=True).chosen()
 
     def _settle(self, choice: Choice | None) -> None:
         """Sweeps with some systematic errors let in, until scales and slips settle; then how errors last, and, once
         they are weighed by that, how odometry slips."""
         for _ in range(SWEEPS if choice else 1):
             theta, scales = self.theta, self.scales
-            fit = self._fit(tempered=False, choice=choice)
+            fit = self.fit(tempered=False, choice=choice)
             self._resize(self._left(fit), by_chance(SLIPPING))
             self._move()
             changes = [np.abs(np.log(new / old)).max() for new, old in zip(self.scales, scales, strict=True)]
@@ -114,7 +114,7 @@ class Search:
         do from one to the next; one by rows that count as what they say together does so less."""
         self.scales, self.theta = list(scales), theta
         self._move()
-        fit = self._fit(choice=choice)
+        fit = self.fit(choice=choice)
         pulls = Pulls.of(components, self.slips, self.now, scales, theta, self._left(fit))
         return pulls, pulls.information(fit)
 
@@ -125,7 +125,7 @@ class Search:
             which = [(kind, part) for kind, parts in kinds for part, each in enumerate(parts) if each.sharp]
             if not which:
                 break
-            both, before, scales = self._left(self._fit(choice=choice, differing=True)), self.lasting, self.scales
+            both, before, scales = self._left(self.fit(choice=choice, differing=True)), self.lasting, self.scales
             self.left = [part[..., :1] for part in both]
             self.scales = self._seen(self._scales(both))
             held = {kind: list(parts) for kind, parts in before.items()}
@@ -146,7 +146,9 @@ class Search:
             sizes.append(size * np.where(np.arange(size.shape[1]) == 0, scales[k][part] / self.scales[k][part], 1.0))
         return np.concatenate(sizes)
 
-    def _fit(self, *, tempered: bool = True, differing: bool = False, choice: Choice | None = None) -> Fit:
+    def fit(self, *, tempered: bool = True, differing: bool = False, choice: Choice | None = None) -> Fit:
+        """The fit by the noise as it is now, of rows `tempered` as they hang together and, if `differing`, by how those
+        that follow each other do; with every systematic error let in, or a choice of them."""
         roots = []
         for noise, left, temper in zip(self.now, self.left, self.tempers, strict=True):
             root = np.sqrt(noise.weights(left))[..., None] * noise.whitening
