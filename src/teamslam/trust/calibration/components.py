@@ -31,13 +31,13 @@ class Components:
     @classmethod
     def of(cls, slips: Sequence[Slips | None], scales: Sequence[Array]) -> "Components":
         """All that there may be, of tables with slips: what has one scale by now has it in common."""
-        groups: dict[tuple[int, float], list[int]] = {}
+        groups: dict[tuple[int, int, float], list[int]] = {}
         for k, slip in enumerate(slips):
             if slip is not None:
                 for part, scale in enumerate(scales[k].tolist()):
-                    groups.setdefault((part, scale), []).append(k)
+                    groups.setdefault((len(scales[k]), part, scale), []).append(k)
         numbers = range(len(next(slip.units for slip in slips if slip is not None))) if groups else range(0)
-        return cls(tuple((part, tuple(tables)) for (part, _), tables in sorted(groups.items())), tuple(numbers))
+        return cls(tuple((part, tuple(tables)) for (_, part, _), tables in sorted(groups.items())), tuple(numbers))
 
     def only(self, which: BoolArray) -> "Components":
         """Those that are chosen (k,)."""
@@ -117,12 +117,18 @@ def _of_part(stated: Array, scale: Array, part: int) -> Array:
 def told_apart(slips: Sequence[Slips]) -> Array:
     """The share of what rows tell of each slip, by their noise as stated, when neither scales nor other slips are known
     (slips,): next to none where all rows are alike, as a slip is then a scale."""
-    information = 0.0
+    sizes = sorted(
+        {slip.stated.shape[-1] for slip in slips}
+    )  # robots of the plane and of space have scales of their own
+    starts = dict(zip(sizes, np.cumsum([0, *sizes])[:-1].tolist(), strict=True))
+    scaled, count = sum(sizes), len(slips[0].units)
+    information = np.zeros((scaled + count, scaled + count))
     for slip in slips:
         rows = slip.stated.shape[-1]
         parts = [_of_part(slip.stated, np.ones(rows), part) for part in range(rows)]
         moved = np.linalg.solve(slip.stated[None], np.stack([*parts, *slip.units]))
-        information = information + 0.5 * np.einsum("kmij,lmji->kl", moved, moved)
-    size = np.sqrt(np.diag(np.asarray(information)))
+        at = np.append(starts[rows] + np.arange(rows), scaled + np.arange(count))
+        information[np.ix_(at, at)] += 0.5 * np.einsum("kmij,lmji->kl", moved, moved)
+    size = np.sqrt(np.diag(information))
     alone = 1.0 / np.diag(np.linalg.inv(information / np.outer(size, size) + ROUNDING * np.eye(len(size))))
-    return np.asarray(alone[-len(slips[0].units) :])
+    return np.asarray(alone[-count:])
