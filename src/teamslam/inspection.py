@@ -225,7 +225,7 @@ def _hints(dataset: Dataset, links: tuple[Link, ...], groups: tuple[tuple[int, .
     for robot in sorted(dataset.robots):
         yield from _robot_hints(dataset, robot)
     yield from oddities(dataset)
-    lonely = _seen_once(dataset)
+    lonely = seen_once(dataset)
     if lonely:
         some = ", ".join(names.landmark(k) for k in lonely[:5]) + (", ..." if len(lonely) > 5 else "")
         were = "landmark was" if len(lonely) == 1 else "landmarks were"
@@ -283,7 +283,8 @@ def _odometry_pairs(dataset: Dataset, robot: int) -> IntArray:
     return np.unique(np.concatenate(own)) if own else np.zeros(0, np.int64)
 
 
-def _seen_once(dataset: Dataset) -> list[int]:
+def seen_once(dataset: Dataset) -> list[int]:
+    """The landmarks of a log that one row alone speaks of: nothing checks where they are."""
     seen = [t.keys[:, -1][is_landmark(t.keys[:, -1])] for t in dataset.tables]
     if not seen:
         return []

@@ -133,6 +133,8 @@ def test_numbers_are_those_of_the_files(outcome, situation: str, command: str) -
 
     # What went in, and what came out.
     assert rows["went in"] == counts(len(log.robots), sum(map(len, log.pose_keys.values())), len(log.landmark_keys))
+    once = sum(sum((t.keys[:, -1] == key).sum() for t in log.tables) == 1 for key in log.landmark_keys)
+    assert rows.get("unchecked", "0 landmarks").split()[0] == str(report["seen_once"]) == str(once)
     assert sum(part["poses"] for part in report["parts"]) == sum(len(part.rotations) for part in parts)
     assert [part["landmarks"] for part in report["parts"]] == [len(p.places) - len(p.rotations) for p in parts]
 

@@ -84,6 +84,7 @@ Its fields:
                                    compared; null where there is no truth
     robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and how it
                                    understood what can be read in several ways, in words
+    seen_once                      how many landmarks one row alone speaks of: nothing checks these
     refused, without               of a join of files: submaps that were refused, with the reason; those not wanted
     exactness                      of a join: how far it is from the full least squares on the same measurements (see
                                    teamslam.joining.Exactness), and in how many rounds and bytes; null for full least
@@ -101,6 +102,7 @@ from typing import Any
 
 import numpy as np
 
+from teamslam.inspection import seen_once
 from teamslam.joining import Component, Cost
 from teamslam.metrics import Report, told_of
 from teamslam.model import Dataset, LeftOut, Names, index_of, is_landmark, robot_of
@@ -163,6 +165,7 @@ def report_of(result: Result) -> dict[str, Any]:
         "robots": len(dataset.robots),
         "poses": sum(len(keys) for keys in dataset.pose_keys.values()),
         "landmarks": len(dataset.landmark_keys),
+        "seen_once": len(seen_once(dataset)),
         "notes": list(dataset.notes),
         **_dropped(dataset),
         "exactness": (found := _exactness(parts)),

@@ -41,6 +41,7 @@ def outcome(report: Report) -> Rows:
         *_cost(report),
         *([("exactness", exactness(report))] if report["method"] == "join" else []),
         ("went in", counted(report["robots"], "robot", report["poses"], "pose", report["landmarks"], "landmark")),
+        *_unchecked(report.get("seen_once", 0)),
         *(("read", note) for note in report["notes"]),
         *_dropped(report),
         *_scores(report),
@@ -56,6 +57,15 @@ def _components(report: Report) -> Rows:
     frames = {part["frame"] for part in report["parts"]}
     alike = f", though all are in {frames.pop()}" if len(frames) == 1 else ""
     return [("components", said + alike), *(("", reason) for reason in report["reasons"])]
+
+
+def _unchecked(count: int) -> Rows:
+    """Landmarks whose place, and how well it is known, nothing confirms."""
+    if not count:
+        return []
+    return [
+        ("unchecked", f"{counted(count, 'landmark')} seen only once: nothing checks {'it' if count == 1 else 'them'}")
+    ]
 
 
 def _late(late: Report) -> str:

@@ -10,12 +10,12 @@ from teamslam.io.bags import contents, proposal
 CORNERS = [[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]
 
 
-def proposed(folder, ways, cameras):
+def proposed(folder, ways, cameras, height=lambda k: 0.0):
     """The robots of the team file for a recording with these topics, and its text."""
     messages = []
-    for k in range(12):
+    for k in range(32):
         stamp = 10**18 + k * 100_000_000
-        messages += [recordings.odometry(topic, stamp, (0.1 * k, 0.0, 0.0)) for topic in ways]
+        messages += [recordings.odometry(topic, stamp, (0.1 * k, 0.0, height(k))) for topic in ways]
         messages += [recordings.detections(topic, stamp, [(3, CORNERS)]) for topic in cameras]
     text = proposal(contents(recordings.write(folder, "mcap", messages)))
     return tomllib.loads(text)["robot"], text
@@ -26,6 +26,16 @@ def test_odometries_that_no_camera_goes_with_are_one_robots(tmp_path):
     (robot,), text = proposed(tmp_path, ["/vio/odometry", "/wheels/odom"], ["/down/tags", "/rear/tags"])
     assert robot["odometry"] == "/vio/odometry" and "# ? or /wheels/odom" in text
     assert [camera["tags"] for camera in robot["camera"]] == ["/down/tags", "/rear/tags"]
+
+
+@pytest.mark.parametrize(
+    ("height", "ground"), [(lambda k: 0.0, True), (lambda k: 0.2, True), (lambda k: 0.01 * k, False)]
+)
+def test_a_robot_on_the_ground_is_proposed_as_one(tmp_path, height, ground):
+    """A line to make sure of, where the odometry never leaves the plane: whatever the plane's height."""
+    (robot,), text = proposed(tmp_path, ["/odom"], ["/tags"], height)
+    assert ("# dim = 2  # ?" in text) == ground
+    assert "dim" not in robot
 
 
 @pytest.mark.parametrize("topic", ["/mocap/pose", "/vicon/drone/odom", "/ground_truth", "/drone/gt"])

@@ -15,18 +15,22 @@ from teamslam.io.bags.roles import ROLES
 from teamslam.model import Dropped
 
 GAP = 5.0
+SECOND_NS = 1_000_000_000
+LEVEL = 1e-6  # [m], and of a quaternion: what rounding lifts
 
 
 @dataclass(frozen=True, eq=False)
 class TopicContents:
     """One topic: its name, types, role (see ROLES; '' for what teamslam does not use), and `stamps_s` (n,) as they
-    came. `frames` are the names in its headers: (parent, child), '' where there are none."""
+    came. `frames` are the names in its headers: (parent, child), '' where there are none. `planar`: an odometry that
+    never leaves the plane, looked at once a second."""
 
     name: str
     types: tuple[str, ...]
     role: str
     stamps_s: Array
     frames: tuple[str, str] = ("", "")
+    planar: bool = False
 
     @property
     def steps_s(self) -> Array:
@@ -74,15 +78,20 @@ class Contents:
 
 
 def contents(path: str | Path) -> Contents:
-    """Look a recording over; every message is read once and none is decoded but the first of a topic. Raises InputError
-    where it cannot be opened."""
+    """Look a recording over; every message is read once and none is decoded but the first of a topic, and of odometry
+    one a second. Raises InputError where it cannot be opened."""
     with opened(path) as recording:
         stamps: dict[str, list[int]] = {topic: [] for topic in recording.topics}
         frames: dict[str, tuple[str, str]] = {}
+        looks: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
         for message in recording.messages(recording.topics):
             stamps[message.topic].append(message.stamp_ns)
             if message.topic not in frames:
                 frames[message.topic] = _frames(recording, message)
+            if ROLES.get(message.type) == "odometry":
+                looked = looks.setdefault(message.topic, [])
+                if not looked or abs(message.stamp_ns - looked[-1][0]) >= SECOND_NS:
+                    looked.append((message.stamp_ns, _off_plane(recording, message)))
         topics = tuple(
             TopicContents(
                 name,
@@ -90,10 +99,28 @@ def contents(path: str | Path) -> Contents:
                 ROLES.get(types[0], ""),
                 np.array(stamps[name], float) * 1e-9,
                 frames.get(name, ("", "")),
+                _planar([off for _, off in looks.get(name, ())]),
             )
             for name, (types, _) in sorted(recording.topics.items())
         )
         return Contents(recording.path, topics, recording.dropped)
+
+
+def _off_plane(recording: Recording, message: Message) -> tuple[float, ...]:
+    """The height of an odometry's pose, and the part of its quaternion that is no turn about the vertical."""
+    found = recording.decode(message)
+    if found is None:  # damaged
+        return np.nan, np.nan, np.nan
+    pose = found.pose.pose
+    return float(pose.position.z), float(pose.orientation.x), float(pose.orientation.y)
+
+
+def _planar(off: list[tuple[float, ...]]) -> bool:
+    """Whether poses, two at least, lie at one height and upright, to rounding."""
+    if len(off) < 2:
+        return False
+    height, *tilt = np.array(off).T
+    return bool(np.ptp(height) <= LEVEL and np.abs(tilt).max() <= LEVEL)
 
 
 def _frames(recording: Recording, message: Message) -> tuple[str, str]:

@@ -27,6 +27,8 @@ def proposal(found: Contents) -> str:
         if robot.ways:
             others = " or ".join(way.name for way in robot.ways[1:])
             lines.append(f"odometry = {_text(robot.ways[0].name)}" + (f"  # ? or {others}" if others else ""))
+            if robot.ways[0].planar:
+                lines.append("# dim = 2  # ? on the ground: this odometry never leaves the plane")
         for truth in _truths(found):
             if len(robots) == 1 or robot.name in truth.name.split("/"):
                 lines.append(f"truth = {_text(truth.name)}  # ? results are scored against it, no map is made by it")
