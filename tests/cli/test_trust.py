@@ -67,7 +67,8 @@ def test_a_liar_is_named_and_left_out(teamslam, tmp_path: Path) -> None:
     write(stretched(simulate(OPTIONS, 1), 3, 1.1), tmp_path / "log", "plain")
     told = teamslam("run", tmp_path / "log", "--out", tmp_path / "told", "--no-figures")
     assert "robot 3 contradicts the others" in told.out and report(tmp_path / "told")["suspicions"]["robots"] == ["3"]
-    teamslam("run", tmp_path / "log", "--out", tmp_path / "mended", "--repair", "--no-figures")
+    without = teamslam("run", tmp_path / "log", "--out", tmp_path / "mended", "--repair", "--no-figures")
+    assert "robot 3 was left out by --repair" in without.out and "measured nothing" not in without.out
     mended = report(tmp_path / "mended")
     assert [part["robots"] for part in mended["parts"]] == [["1", "2", "4"]]
     assert mended["robot_position_rmse_m"] < report(tmp_path / "told")["robot_position_rmse_m"]

@@ -101,7 +101,8 @@ def _told(
         again, added = completed(dataset, joined)
         if added:
             return _told(again, config, clock, workers, work, apart, added)
-    joined = replace(joined, remarks=(*joined.remarks, *added))
+    put_out = () if suspected is None else suspected.put_out()
+    joined = replace(joined, remarks=(*joined.remarks, *added, *put_out))
     at = _at(log, joined)
     calibration, seen, judged = None, None, None
     if workers is None:

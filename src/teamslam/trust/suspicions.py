@@ -54,6 +54,11 @@ class Suspicions:
         left = {name: chance for name, chance in self.judgement.themselves.items() if name in still}
         return replace(self, judgement=replace(self.judgement, themselves=left))
 
+    def put_out(self) -> Iterator[str]:
+        """Of each robot that lies what becomes of it where the log is `mended`."""
+        for liar in self.liars:
+            yield f"robot {self.names.robot(liar)} was left out by --repair, with what others saw of it: it is in no map"
+
     def sentences(self) -> Iterator[str]:
         """All of it in words."""
         yield from (sentence_on_label(found, self.names) for found in self.labels)
@@ -127,7 +132,8 @@ def mended(log: Dataset, found: Suspicions) -> Dataset:
         tables = [table_by(finding.change, table) for table in tables]
     names = names_by([finding.change for finding in found.labels], log.names)
     tables = [_without(table, found.liars) for table in tables]
-    return replace(log, tables=tuple(table for table in tables if len(table)), names=names)
+    team = {robot: dim for robot, dim in log.robots.items() if robot not in found.liars}
+    return replace(log, robots=team, tables=tuple(table for table in tables if len(table)), names=names)
 
 
 def _spared(submaps: Sequence[Submap]) -> list[Submap]:
