@@ -57,7 +57,8 @@ class Suspicions:
     def put_out(self) -> Iterator[str]:
         """Of each robot that lies what becomes of it where the log is `mended`."""
         for liar in self.liars:
-            yield f"robot {self.names.robot(liar)} was left out by --repair, with what others saw of it: it is in no map"
+            name = self.names.robot(liar)
+            yield f"robot {name} was left out by --repair, with what others saw of it: it is in no map"
 
     def sentences(self) -> Iterator[str]:
         """All of it in words."""

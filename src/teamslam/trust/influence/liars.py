@@ -1,5 +1,6 @@
 """Members of a team whose maps contradict the others': who they are, how sure that is, and when nobody can say.
 
+    spare    rows that a loss expects to be wrong, and which are: they are no contradiction of anybody's (`scattered`)
     bound    what anybody could explain at most, by what all cost together; nearly every honest team ends here
     screen   what the map without each would cost at least, by one step from the map of all; the others end here
     try      the map without each that is left, without each two, ... as long as that explains more (`evidence`)
@@ -25,6 +26,7 @@ from teamslam.trust.evidence import SURE, Fit, most_to_gain, significance, unlik
 from teamslam.trust.influence.alone import alone, self_contradicting
 from teamslam.trust.influence.downdate import left_out
 from teamslam.trust.influence.parts import Problem, Rest, freed
+from teamslam.trust.influence.scattered import without_scattered
 from teamslam.trust.influence.together import together
 
 LEVEL = 1e-3  # the share of honest teams in which anybody is accused, at most
@@ -100,7 +102,11 @@ class _Search:
     ) -> None:
         # What-ifs need no account of what went in, which takes longer than they do.
         self.submaps = [replace(submap, sources=Sources()) for submap in submaps]
-        self.given, self.joined, self.level, self.label = submaps, together(submaps, joined), level, label
+        self.given, self.level, self.label = submaps, level, label
+        self.joined = together(submaps, joined)
+        spared = without_scattered(self.submaps, self.joined)
+        if spared is not None:
+            self.submaps, self.joined = spared, together(spared, join(spared, near=self.joined, options=QUICK), QUICK)
         self.members = tuple(dict.fromkeys(label(submap) for submap in submaps))
         self.whole = fit_of(self.joined)
         self.fits: dict[frozenset[Hashable], Fit] = {frozenset(): self.whole}
