@@ -14,5 +14,5 @@ score = ts.score(team.map, log.truth)
 print(
     f"robots {score.robot_position_rmse_m:.3f} m, landmarks {score.landmark_rmse_m:.3f} m off, against motion capture"
 )
-print(f"NEES per degree of freedom {score.consistency.nees.per_dof:.1f}: 1 where covariances are honest")
+print(f"NEES per degree of freedom {score.consistency.nees.per_dof:.2f}: 1 where covariances are honest")
 ts.plot(team, title="MRCLAM: five robots, one map", truth=log.truth).savefig("mrclam.png")
