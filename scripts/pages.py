@@ -122,7 +122,7 @@ def _headline_row(stated: list[str], calibrated: list[str]) -> str:
 def _headline_figures(row: list[str]) -> tuple[str, str, str]:
     robots, landmarks = row[7].split(",")
     metres = [f"{float(error):.3f} m" if error.strip() else "" for error in (robots, landmarks)]
-    nees = [f"{float(row[6]):.1f}"] * bool(metres[0]) + [f"{float(row[2]):.1f}"]
+    nees = [f"{float(row[6]):.2f}"] * bool(metres[0]) + [f"{float(row[2]):.2f}"]
     return metres[0], metres[1], " / ".join(nees)
 
 
