@@ -53,9 +53,8 @@ class Truss:
         """Where the rows' cost has a minimum, by cost; mirror images and other ways to put the bodies together."""
         if not self._columns.size or not self.tied.ties:
             return []
-        starts = self._starts(min(STARTS, SHARE // self.tied.given), self.tied.reach)
-        limit = chi2_quantile(FITS, max(self._rows_that_count(starts) - len(self._columns), 1))
-        frames, costs = self._solved(starts, limit)
+        frames, costs = self._solved(self._starts(min(STARTS, SHARE // self.tied.given), self.tied.reach))
+        limit = chi2_quantile(FITS, max(self._rows_that_count(frames) - len(self._columns), 1))
         found: list[Assembly] = []
         for s in np.argsort(costs)[np.isfinite(np.sort(costs))]:
             frame, fits = frames[s], bool(costs[s] <= limit)
@@ -113,18 +112,16 @@ class Truss:
         axes[:, 0], places[:, 0] = 0.0, 0.0
         return Pose(so3.exp(axes), places)
 
-    def _solved(self, frames: Pose, fits: float) -> tuple[Pose, Array]:
-        """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,). The worse half ends now
-        and then, but for those that cost no more than what `fits`: each may be another assembly."""
+    def _solved(self, frames: Pose) -> tuple[Pose, Array]:
+        """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,)."""
         rotation, translation = frames.rotation.copy(), frames.translation.copy()
         damping, going = np.full(len(frames), 1e-3), np.arange(len(frames))
         costs, kept = np.full(len(frames), np.inf), np.ones(len(frames), bool)
         for n in range(STEPS):
             if n and n % TRIAL == 0:
                 order = going[np.argsort(costs[going], kind="stable")]
-                worse = order[(len(order) + 1) // 2 :]
-                kept[worse[costs[worse] > fits]] = False
-                going = going[kept[going]]
+                going, dropped = np.sort(order[: (len(order) + 1) // 2]), order[(len(order) + 1) // 2 :]
+                kept[dropped] = False
             here = Pose(rotation[going], translation[going])
             hessian, gradient, cost, whiteners = self._normal(here)
             scale = np.einsum("sii->si", hessian) + 1e-9

@@ -102,7 +102,6 @@ class _Placing:
         self._judged: dict[tuple[int, ...], Held] = {}  # by the chains of a body
         self._loose: set[tuple[tuple[int, ...], ...]] = set()  # bodies, by their chains, that are no truss now
         self._left = SOLVED * len(chains)  # trusses that may still be solved
-        self._known: dict[tuple[tuple[int, ...], ...], list[Assembly]] = {}  # of lone chains
 
     @cached_property
     def raw(self) -> list[Table]:
@@ -217,46 +216,36 @@ class _Placing:
         return [self.planar[next(iter(body.placed))] for body in bodies]
 
     def _truss(self, bodies: list[_Body]) -> tuple[tuple[int, ...], list[list[Pose]]] | None:
-        """The smallest set of bodies that are rigid together, and their frames in every assembly that fits; where none
-        is, those that the join says are: few rows may fit many assemblies of two bodies, of which three leave one."""
+        """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
         if len(bodies) == 1:
             return None
         tied, flat = self._tied(bodies), self._flat(bodies)
-        unsure: list[tuple[tuple[int, ...], list[list[Pose]]]] = []
         for places in itertools.islice(_candidates(tied), TRIES):
             if not self._left:
                 break
             truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
-            if self._which(inside) in self._loose or not truss.may_be_rigid():
+            which = tuple(tuple(body.placed) for body in inside)
+            if which in self._loose or not truss.may_be_rigid():
                 continue
-            found = self._assemblies(truss, inside)
-            frames = [in_their_dimension(a.frames, [flat[n] for n in places]) for a in found]
-            rigid = [n for n, a in enumerate(found) if a.fits and not a.nullity]
-            if rigid:  # what fits better counts as well, though a direction seems loose there: the join decides by cost
-                return places, [frames[n] for n, a in enumerate(found) if n in rigid or (a.fits and n < rigid[0])]
-            unsure.append((places, frames[:JUDGED]))
-        for places, frames in unsure:
-            inside = [bodies[n] for n in places]
-            held, ways = self._by_judge(inside, frames)
+            self._left -= 1
+            held, frames = self._held(inside, truss.assemblies(), [flat[n] for n in places])
             if held:
-                return tuple(places[n] for n in held), ways
-            self._loose.add(self._which(inside))
+                return tuple(places[n] for n in held), frames
+            self._loose.add(which)
         return None
 
-    def _assemblies(self, truss: Truss, bodies: Sequence[_Body]) -> list[Assembly]:
-        """What a truss of these bodies is; of lone chains, which stay as they are in every branch, solved once."""
-        which = self._which(bodies)
-        if which in self._known:
-            return self._known[which]
-        self._left -= 1
-        found = truss.assemblies()
-        if all(len(body.placed) == 1 for body in bodies):
-            self._known[which] = found
-        return found
-
-    def _which(self, bodies: Sequence[_Body]) -> tuple[tuple[int, ...], ...]:
-        """Bodies by their chains."""
-        return tuple(tuple(body.placed) for body in bodies)
+    def _held(
+        self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]
+    ) -> tuple[list[int], list[list[Pose]]]:
+        """Which of the bodies are held together, and their frames in the assemblies that fit, where one of them is
+        rigid: what fits better counts as well, though a direction seems loose there, for the join decides by cost.
+        Where none is rigid, those that the judge says are."""
+        frames = [in_their_dimension(a.frames, flat) for a in found]
+        rigid = [n for n, a in enumerate(found) if a.fits and not a.nullity]
+        if not rigid:
+            return self._by_judge(bodies, frames[:JUDGED])
+        ways = [frames[n] for n, a in enumerate(found) if n in rigid or (a.fits and n < rigid[0])]
+        return list(range(len(bodies))), ways
 
     def _by_judge(
         self, bodies: Sequence[_Body], assemblies: Sequence[list[Pose]]
