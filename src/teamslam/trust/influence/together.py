@@ -33,8 +33,11 @@ def together(submaps: Sequence[Submap], joined: Joined, options: Options = DEFAU
         frame = _laid_on(first.map, other.map)
         merged = None if frame is None else _merged(submaps, first, other, frame, options)
         if merged is not None:
-            rest = tuple(c for c in found.components[1:] if c is not other)
-            found = replace(found, components=(merged, *rest))
+            rest = [
+                (c, reason) for c, reason in zip(found.components[1:], found.reasons, strict=True) if c is not other
+            ]
+            components, reasons = (merged, *(c for c, _ in rest)), tuple(reason for _, reason in rest)
+            found = replace(found, components=components, reasons=reasons)
     return found
 
 
