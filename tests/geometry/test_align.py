@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from strategies import dims, generators, random_poses
 from teamslam.errors import ModelError
-from teamslam.geometry import Array, Pose, align, align_known, rotations
+from teamslam.geometry import Array, Pose, Told, align, register, rotations
 
 AMOUNTS = st.integers(4, 12)
 
@@ -186,13 +186,14 @@ def test_of_points_that_are_known_in_part_that_part_counts(rng: np.random.Genera
     known = np.ones(source.shape, bool)
     known[whole:, 2] = False
     target = np.where(known, x.act(source), 1e3)
-    assert_same(align_known(source, target, known, x.retract(0.1 * rng.normal(size=6))), x, 1e-8)
+    found = register(Told.of_points(source, target, known), x.retract(0.1 * rng.normal(size=6)))
+    assert_same(found.pose, x, 1e-8)
 
 
 @given(generators)
 def test_what_known_numbers_leave_open_stays(rng: np.random.Generator) -> None:
     """One point: it is put where it is known to be, and nothing is turned or lifted beyond need."""
     source, target = rng.normal(size=(1, 3)), np.array([[1.0, 2.0, 1e3]])
-    found = align_known(source, target, np.array([[True, True, False]]), Pose.identity(3))
+    found = register(Told.of_points(source, target, np.array([[True, True, False]])), Pose.identity(3)).pose
     assert_allclose(found.act(source)[0, :2], [1.0, 2.0], atol=1e-9)
     assert np.linalg.norm(found.minus(Pose.identity(3))) < 3.0 + np.linalg.norm(source)

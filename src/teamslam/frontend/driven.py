@@ -55,9 +55,7 @@ class Driven:
 
 def _speed(velocity: Array, over_s: Array, drift: float, slip: float) -> Array:
     """The length of velocities (n, 3) that are means over some time (n,), without what noise adds to it."""
-    numbers = np.count_nonzero(
-        np.abs(velocity).max(0, initial=0.0) > 0.0
-    )  # on the ground it moves in two, and turns in one
+    numbers = np.count_nonzero(np.abs(velocity).max(0, initial=0.0) > 0.0)  # on the ground: two to move, one to turn
     squared = np.sum(velocity**2, -1)
     noise = (drift**2 + slip**2 * np.sqrt(squared)) / np.where(over_s > 0.0, over_s, np.inf)
     return np.asarray(np.sqrt(np.maximum(squared - numbers * noise, 0.0)))

@@ -12,11 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from teamslam.errors import ModelError
-from teamslam.geometry import so3
-from teamslam.geometry.arrays import Array, BoolArray
+from teamslam.geometry.arrays import Array
 from teamslam.geometry.pose import Pose
-
-STEPS, STANDS = 50, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,20 +66,3 @@ def align(
     # The rotation is held by sums of pairs of (signed) singular values; in the plane there is one pair.
     rigidity = float(singular[-2] + signs[-1] * singular[-1])
     return Fit(pose, float(np.sqrt(w @ np.sum(left_over**2, -1))), rigidity)
-
-
-def align_known(source: Array, target: Array, known: BoolArray, start: Pose) -> Pose:
-    """The rigid motion of source onto target points (n, 3) of which only some numbers are `known` (n, 3): least squares
-    of these, by Gauss-Newton from `start`; what they leave open stays as it is there.
-
-    Law: if target = X.act(source) where it is known, then X, from near enough, where the known numbers determine it.
-    """
-    pose, rows = start, known.ravel()
-    for _ in range(STEPS):
-        moved = pose.act(source)
-        J = np.concatenate([np.broadcast_to(np.eye(3), (len(source), 3, 3)), -so3.hat(moved)], -1).reshape(-1, 6)
-        step = np.linalg.lstsq(J[rows], (target - moved).ravel()[rows], rcond=1e-9)[0]
-        pose = Pose.from_tangent(step, 3) @ pose
-        if np.linalg.norm(step) < STANDS * (1.0 + np.abs(moved).max(initial=0.0)):
-            break
-    return pose

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from teamslam.geometry import Array, BoolArray, IntArray, Pose, align, align_known
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, Told, align, register
 from teamslam.model import WORLD, Kind, Layout, Submap, Values, is_pose
 
 HELD = 1e-9  # of the spread of points: with less rigidity a fit is free to turn
@@ -150,7 +150,7 @@ def _without_heights(here: Array, there: Array, flat: BoolArray, near: Pose) -> 
         others = align(here[~flat], there[~flat])
         spread = float(np.mean(np.sum((there[~flat] - there[~flat].mean(0)) ** 2, -1)))
         near = others.pose if others.rigidity > HELD * spread else near
-    return align_known(here, there, known, near)
+    return register(Told.of_points(here, there, known), near).pose
 
 
 def truth_at_base(submap: Submap, truth: Values) -> Values | None:

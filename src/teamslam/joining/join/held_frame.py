@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose
-from teamslam.joining.join.registration import Registration, registered
+from teamslam.geometry import Array, Pose, Registration
+from teamslam.joining.join.registration import registered
 from teamslam.model import WORLD, Dataset, Submap, Table, Values, pack, robot_of
 
 SOURCE = "frame"  # of the row that says so
