@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from frontend.tags.test_rows import scene, seen_in
-from teamslam.frontend.tags.depth import TagDepths, depths_on, planes
-from teamslam.frontend.tags.late import Motion
-from teamslam.frontend.tags.plane_rows import plane_rows
+from teamslam.frontend.tags.depth import SIDE, TagDepths, depths_on, planes, points_on
+from teamslam.frontend.tags.late import Motion, points_at_one_instant
+from teamslam.frontend.tags.plane_rows import plane_rows, standing_in
 from teamslam.frontend.tags.rows import LOOKING, Tag, corner_rows
 from teamslam.geometry import Pose
 from teamslam.sim.film.ranging import Ranger, ranged
@@ -48,9 +48,13 @@ def large(count, seed=0):
 def test_a_plane_without_noise_is_found_to_the_last_pixel():
     poses, pixels = large(8)
     for true, corners in zip(true_planes(poses), pixels, strict=True):
-        m, _, good = planes(depths_on(image_of(true), corners[None]), CAMERA, 0.0)
+        m, _, good = planes_by(depths_on(image_of(true), corners[None]))
         assert good.all()
         np.testing.assert_allclose(m[0], true, atol=1e-5)  # pixels of a cell stand for their middle
+
+
+def planes_by(seen, floor=0.0):
+    return planes(seen, *points_on(seen, CAMERA), floor)
 
 
 def measured(count, sensor, seed=0):
@@ -68,7 +72,7 @@ def test_planes_err_as_they_say(window):
     poses, _, found = measured(60, Ranger(window_px=window, lost=0.05))
     alone = {0.3: 1.0, 1.2: 4.0 * np.pi * 1.2**2}[window]  # the integral of a Gaussian filter's correlation
     assert 0.7 * alone < found.grain < 1.2 * alone
-    m, covariance, good = planes(found, CAMERA, 0.0)
+    m, covariance, good = planes_by(found)
     assert good.mean() > 0.9
     white = np.linalg.solve(np.linalg.cholesky(covariance[good]), (m - true_planes(poses))[good, :, None])
     assert 0.75 < np.mean(white**2) < 1.35
@@ -83,7 +87,7 @@ def test_a_few_wild_pixels_change_nothing():
         for value in (0.0, np.nan, np.inf, -1.0, 9.0):
             depths[rng.random(depths.shape) < 0.03] = value
         wild.append(depths_on(depths, pixels[k : k + 1]))
-    one, other = (planes(seen, CAMERA, 0.0) for seen in (found, TagDepths.together(wild)))
+    one, other = (planes_by(seen) for seen in (found, TagDepths.together(wild)))
     off = np.linalg.solve(np.linalg.cholesky(one[1]), (other[0] - one[0])[..., None])
     assert other[2].all() and np.abs(off).max() < 2.5
 
@@ -92,7 +96,7 @@ def test_a_few_wild_pixels_change_nothing():
 def test_nothing_measured_says_nothing(depth):
     _, pixels = large(2)
     found = depths_on(np.full(CAMERA.size[::-1], depth), pixels)
-    assert not found.told.any() and not planes(found.with_grain(), CAMERA, 0.01)[2].any()
+    assert not found.told.any() and not planes_by(found.with_grain(), 0.01)[2].any()
 
 
 def test_tags_at_the_border_and_corners_in_a_line_say_nothing():
@@ -105,7 +109,7 @@ def test_tags_at_the_border_and_corners_in_a_line_say_nothing():
 
 def test_the_floor_is_a_share_of_the_distance():
     _, _, found = measured(5, Ranger())
-    (m, one, _), (_, other, _) = (planes(found, CAMERA, floor) for floor in (0.0, 0.02))
+    (m, one, _), (_, other, _) = (planes_by(found, floor) for floor in (0.0, 0.02))
     away = 1.0 / np.linalg.norm(m, axis=-1)
     n = m * away[:, None]
     more = np.einsum("mi,mij,mj->m", n, other - one, n)  # of 1/distance
@@ -115,13 +119,14 @@ def test_the_floor_is_a_share_of_the_distance():
 # --- rows ---------------------------------------------------------------------------------------------------------
 
 
-def rows_of(poses, pixels, m, motion=None, seat=None):
+def rows_of(poses, pixels, m, seat=None):
     """Rows of planes m of tags that are where they are said to be."""
     tags = [Tag(k, 0.15, str(k), pose=seat) for k in range(len(poses))]
     values, white, good = corner_rows(seen_in(pixels), CAMERA, tags, 0.3, 0.3)
     assert good.all()
     noise = np.tile(np.diag(SIGMAS) ** 2, (len(m), 1, 1))
-    return plane_rows((values, white), (m @ LOOKING.rotation, noise), tags, motion)
+    m = m @ LOOKING.rotation
+    return plane_rows(standing_in((values, white), m, tags), (m, noise), tags)
 
 
 SIGMAS = np.array([0.01, 0.02, 0.03])
@@ -168,16 +173,19 @@ def test_of_two_poses_that_corners_tell_the_one_in_the_plane_is_taken():
     assert good.all() and taken.max() < 0.15
 
 
-def test_depths_that_were_measured_late_are_put_back():
-    """Eye and tag move between the keyframe and the middle line of the tag."""
-    rng, (poses, pixels) = np.random.default_rng(4), large(20)
-    eye, body = (Pose.from_tangent(0.03 * rng.normal(size=(20, 1, 6)), 3) for _ in range(2))
-    here = LOOKING.inverse()[None] @ poses @ SEAT.inverse()[None]
-    then = eye[:, 0].inverse() @ here @ body[:, 0] @ SEAT[None]
-    z, _, good = rows_of(poses, pixels, true_planes(LOOKING[None] @ then), Motion(eye, body), SEAT)
-    assert good.all()
-    np.testing.assert_allclose(z[:, :3], here.translation, atol=1e-6)
-    np.testing.assert_allclose(z[:, 3:].reshape(-1, 3, 3), here.rotation, atol=1e-6)
+def test_points_that_were_measured_late_are_put_back():
+    """Eye and tag move between the keyframe and each line; where tags stood need not be known of those that stay."""
+    rng, (poses, _) = np.random.default_rng(4), large(20)
+    eye, body = (Pose.from_tangent(0.03 * rng.normal(size=(20, SIDE**2, 6)), 3) for _ in range(2))
+    points = np.concatenate([0.1 * rng.normal(size=(20, SIDE**2, 2)), np.zeros((20, SIDE**2, 1))], -1)
+    there = eye.unact(poses[:, None].act(body.act(points)))
+    np.testing.assert_allclose(
+        points_at_one_instant(there, Motion(eye, body), poses), poses[:, None].act(points), atol=1e-12
+    )
+    still = Motion(eye, Pose.identity(3, body.batch))
+    seen = eye.unact(poses[:, None].act(points))
+    one, other = (points_at_one_instant(seen, still, where) for where in (poses, poses[::-1]))
+    np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 def test_a_plane_that_the_line_of_sight_does_not_meet_is_no_row():

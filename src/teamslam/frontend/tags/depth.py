@@ -150,16 +150,27 @@ def _cells(corners: Array, points: Array) -> IntArray:
     return np.asarray(np.where(inside, SIDE * row + column, -1))
 
 
-def planes(seen: TagDepths, camera: Camera, floor: float) -> tuple[Array, Array, BoolArray]:
-    """The planes m (m, 3) [1/m] of tags in the camera's frame, their covariances (m, 3, 3), and of which there is one;
-    `floor` is the share of the distance by which all depths may be off."""
+def points_on(seen: TagDepths, camera: Camera) -> tuple[Array, IntArray]:
+    """Where cells of tags are (m, 16, 3) [m] in the camera's frame, each when it was measured, and how many pixels
+    each has, 0 where nothing tells."""
     rays, good = camera.rays(np.where(seen.count[..., None] > 0, seen.pixels, np.array(camera.centre)))
-    count = np.where(good & (rays[..., 2] > 0.0), seen.count, 0)
-    A = rays / np.where(count > 0, rays[..., 2], 1.0)[..., None]
+    ahead = np.asarray(rays[..., 2] > 0.0)
+    count = np.where(good & ahead, seen.count, 0)
+    depth = 1.0 / np.where(count > 0, seen.inverse, 1.0)
+    return np.asarray(rays / np.where(ahead, rays[..., 2], 1.0)[..., None] * depth[..., None]), count
+
+
+def planes(seen: TagDepths, points: Array, count: IntArray, floor: float) -> tuple[Array, Array, BoolArray]:
+    """The planes m (m, 3) [1/m] of tags through points (m, 16, 3) of so many pixels (`points_on`) in the camera's
+    frame, their covariances (m, 3, 3), and of which there is one; `floor` is the share of the distance by which all
+    depths may be off."""
+    told = count > 0
+    inverse = 1.0 / np.where(told, points[..., 2], 1.0)
+    A = points * inverse[..., None]
     normal = np.swapaxes(A, 1, 2) @ (count[..., None] * A)
     spare = count.sum(1) - 5.0 * seen.grain
-    told = (spare > 0.0) & (seen.noise > 0.0) & (np.linalg.matrix_rank(normal, hermitian=True) == 3)
-    inverse = np.linalg.inv(np.where(told[:, None, None], normal, np.eye(3)))
-    m = (inverse @ np.sum(A * (count * seen.inverse)[..., None], 1)[..., None])[..., 0]
-    noise = seen.grain * seen.noise * count.sum(1) / np.where(told, spare, 1.0)
-    return m, noise[:, None, None] * inverse + floor**2 * m[:, :, None] * m[:, None, :], told
+    held = (spare > 0.0) & (seen.noise > 0.0) & (np.linalg.matrix_rank(normal, hermitian=True) == 3)
+    cofactor = np.linalg.inv(np.where(held[:, None, None], normal, np.eye(3)))
+    m = (cofactor @ np.sum(A * (count * inverse)[..., None], 1)[..., None])[..., 0]
+    noise = seen.grain * seen.noise * count.sum(1) / np.where(held, spare, 1.0)
+    return m, noise[:, None, None] * cofactor + floor**2 * m[:, :, None] * m[:, None, :], held

@@ -21,7 +21,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How the eye and the bodies moved (m, 4) from the instant of their keyframes until each corner was seen."""
+    """How the eye and the bodies moved (m, k) from the instant of their keyframes until each of k points was seen."""
 
     eye: Pose
     body: Pose
@@ -43,3 +43,13 @@ def at_one_instant(rays: Array, points: Array, whitening: Array, motion: Motion,
         shift = (points - moved) @ np.swapaxes(pose.rotation, -1, -2)
         here = s2.of(motion.eye.act(distance * rays) + shift)
     return here
+
+
+def points_at_one_instant(points: Array, motion: Motion, standing: Pose) -> Array:
+    """Where points (m, k, 3) of bodies would have been before the eye at the instant of the keyframe, from where they
+    were when each was measured; bodies stood so to the eye (m,) at the keyframe.
+
+    Law: exact, and where bodies did not move, however they stood.
+    """
+    there = standing[:, None]
+    return there.act(motion.body.unact(there.unact(motion.eye.act(points))))

@@ -12,43 +12,47 @@ What the corners lend to z are the directions in which the row says nothing, so 
 
 import numpy as np
 
-from teamslam.frontend.tags.late import Motion
 from teamslam.frontend.tags.rows import Tag
 from teamslam.geometry import Array, BoolArray, Pose, concatenate, so3
 from teamslam.geometry.resection import resect
 from teamslam.model import pack
 
 
-def plane_rows(
-    corners: tuple[Array, Array], planes: tuple[Array, Array], tags: list[Tag], motion: Motion | None
-) -> tuple[Array, Array, BoolArray]:
-    """Values (m, 12) and whitening (m, 6, 6) of the model `relative_pose`, and which rows (m,) hold: a plane behind the
-    eye, or that a tag's line of sight lies in, says nothing. `corners` are values and whitening of the same sightings
-    as rows of `corners`, `planes` m (m, 3) and their covariances in the same axes; `motion` (m, 1) is that of eye and
-    carriers from the keyframe until the depths were measured."""
+def standing_in(corners: tuple[Array, Array], plane: Array, tags: list[Tag]) -> Pose:
+    """How bodies stood to the eye (m,): of the two poses that corners tell, the one whose tag lies more nearly in its
+    plane m (m, 3). `corners` are values and whitening of rows of the model `corners`, in the same axes."""
     values, whitening = corners
-    plane, covariance = planes
     rays, points = (values[:, part].reshape(-1, 4, 3) for part in (slice(0, 12), slice(12, 24)))
-    origin = Pose.identity(3)
-    seats = concatenate([Pose.identity(3, (0,)), *((origin if t.pose is None else t.pose)[None] for t in tags)])
-    still = Pose.identity(3, (len(tags),))
-    eye, body = (still, still) if motion is None else (motion.eye[:, 0], motion.body[:, 0])
-    best = resect(rays, points, whitening)
-    both = [eye.inverse() @ best.poses[:, k] @ body @ seats for k in (0, 1)]
+    both = resect(rays, points, whitening)
     unit = plane / np.linalg.norm(plane, axis=-1, keepdims=True)
-    tilted = [np.sum(pose.rotation[..., 2] * unit, -1) for pose in both]  # -1: as the plane, and seen from its front
-    second = np.isfinite(best.costs[:, 1]) & (tilted[1] < tilted[0])
-    seen = Pose(np.where(second[:, None, None], both[1].rotation, both[0].rotation),
-                np.where(second[:, None], both[1].translation, both[0].translation))  # fmt: skip
+    normals = both.poses.rotation @ _seats(tags).rotation[:, None, :, 2:]
+    tilted = np.sum(normals[..., 0] * unit[:, None], -1)  # -1: as the plane, and seen from its front
+    second = np.isfinite(both.costs[:, 1]) & (tilted[:, 1] < tilted[:, 0])
+    return both.poses[np.arange(len(values)), second.astype(int)]
+
+
+def plane_rows(standing: Pose, planes: tuple[Array, Array], tags: list[Tag]) -> tuple[Array, Array, BoolArray]:
+    """Values (m, 12) and whitening (m, 6, 6) of the model `relative_pose`, and which rows (m,) hold: a plane behind the
+    eye, or that a tag's line of sight lies in, says nothing. `standing` (m,) is how bodies stood to the eye as corners
+    tell (`standing_in`), `planes` m (m, 3) and their covariances in the same axes, at the same instant."""
+    plane, covariance = planes
+    seats = _seats(tags)
+    seen = standing @ seats
     reach = np.sum(plane * seen.translation, -1)
     good = reach > 0.1  # of the way that the corners tell, at most ten times
+    unit = plane / np.linalg.norm(plane, axis=-1, keepdims=True)
     lain = Pose(_turned(seen.rotation, -unit), seen.translation / np.where(good, reach, 1.0)[:, None])
-    z = eye @ lain @ seats.inverse() @ body.inverse()
-    turned = eye.rotation @ covariance @ np.swapaxes(eye.rotation, -1, -2)
-    root = np.linalg.cholesky(np.where(good[:, None, None], turned, np.eye(3)))
+    z = lain @ seats.inverse()
+    root = np.linalg.cholesky(np.where(good[:, None, None], covariance, np.eye(3)))
     W = np.zeros((len(tags), 6, 6))
     W[:, :3] = np.linalg.solve(root, _slopes(z, seats))
     return pack(z), W, good
+
+
+def _seats(tags: list[Tag]) -> Pose:
+    """Where tags sit on what carries them (m,)."""
+    origin = Pose.identity(3)
+    return concatenate([Pose.identity(3, (0,)), *((origin if t.pose is None else t.pose)[None] for t in tags)])
 
 
 def _turned(rotation: Array, normal: Array) -> Array:

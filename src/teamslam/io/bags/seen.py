@@ -59,19 +59,23 @@ class View:
         """When the images were taken in which each tag was seen."""
         return self.corners.ticks - round(self.entry.delay_s * TICKS_PER_S)
 
-    @property
-    def line_late_s(self) -> Array:
-        """How much later than its image's middle line each corner (m, 4) was read [s]. InputError where the shutter
-        rolls over images of a size that nobody told."""
+    def late_s(self, pixels: Array) -> Array:
+        """How much later than its image's middle line each of some pixels (..., 2) was read [s]. InputError where the
+        shutter rolls over images of a size that nobody told."""
         if self.entry.line_s == 0.0:
-            return np.zeros((len(self.corners), 4))
+            return np.zeros(pixels.shape[:-1])
         if not self.camera.size[1]:
             raise InputError(
                 f"camera {self.entry.name} has a rolling shutter (line_s), so its calibration needs the size of its "
                 f"images",
                 field="robot.camera.line_s",
             )
-        return np.asarray((self.corners.corners[..., 1] - 0.5 * (self.camera.size[1] - 1)) * self.entry.line_s)
+        return np.asarray((pixels[..., 1] - 0.5 * (self.camera.size[1] - 1)) * self.entry.line_s)
+
+    @property
+    def line_late_s(self) -> Array:
+        """That of each corner (m, 4)."""
+        return self.late_s(self.corners.corners)
 
 
 @dataclass(frozen=True, eq=False)

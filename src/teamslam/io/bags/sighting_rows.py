@@ -16,9 +16,9 @@ from msgspec import structs
 from teamslam.frontend.moments import moved
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
-from teamslam.frontend.tags.depth import planes
-from teamslam.frontend.tags.late import Motion
-from teamslam.frontend.tags.plane_rows import plane_rows
+from teamslam.frontend.tags.depth import planes, points_on
+from teamslam.frontend.tags.late import Motion, points_at_one_instant
+from teamslam.frontend.tags.plane_rows import plane_rows, standing_in
 from teamslam.frontend.tags.rows import LOOKING, corner_rows
 from teamslam.geometry import Array, BoolArray, IntArray, Pose
 from teamslam.geometry.resection import resect
@@ -83,19 +83,23 @@ class Part:
     def _depths(
         self, view: View, corners: tuple[Array, Array], good: BoolArray, team: Sequence[Seen], loss: Loss
     ) -> Table:
-        """The planes of tags in images of depth, each measured where the middle of the tag is."""
+        """The planes of tags in images of depth, each line of which was measured when the image's was read."""
         assert view.depths is not None
-        plane, covariance, told = planes(view.depths, view.camera, view.entry.depth_floor)
+        points, count = points_on(view.depths, view.camera)
+        plane, _, told = planes(view.depths, points, count, 0.0)
         rows = np.flatnonzero(good & told)
-        R, late = LOOKING.rotation, view.line_late_s.mean(1, keepdims=True)
-        motion = _motion(view, late, self, team)
-        part = None if motion is None else Motion(motion.eye[rows], motion.body[rows])
-        seen = plane[rows] @ R, R.T @ covariance[rows] @ R
-        tags = [view.tags[row] for row in rows.tolist()]
-        values, white, kept = plane_rows((corners[0][rows], corners[1][rows]), seen, tags, part)
+        seen, points, count = view.depths.select(rows), points[rows], count[rows]
+        tags, R = [view.tags[row] for row in rows.tolist()], LOOKING.rotation
+        standing = standing_in((corners[0][rows], corners[1][rows]), plane[rows] @ R, tags)
+        motion = _motion(view, np.where(view.depths.count > 0, view.late_s(view.depths.pixels), 0.0), self, team)
+        if motion is not None:
+            part = Motion(motion.eye[rows], motion.body[rows])
+            points = points_at_one_instant(points @ R, part, standing) @ R.T
+        plane, covariance, held = planes(seen, points, count, view.entry.depth_floor)
+        values, white, kept = plane_rows(standing, (plane @ R, R.T @ covariance @ R), tags)
         all_ = np.zeros((len(good), 12)), np.zeros((len(good), 6, 6))
         all_[0][rows], all_[1][rows] = values, white
-        return self._table("relative_pose", view, all_, np.isin(np.arange(len(good)), rows[kept]), loss)
+        return self._table("relative_pose", view, all_, np.isin(np.arange(len(good)), rows[held & kept]), loss)
 
     def _table(self, model: str, view: View, rows: tuple[Array, Array], good: BoolArray, loss: Loss) -> Table:
         """Those rows that are good; depths are a source of their own."""
