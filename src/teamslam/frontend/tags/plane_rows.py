@@ -28,7 +28,8 @@ def standing_in(corners: tuple[Array, Array], plane: Array, tags: list[Tag]) -> 
     normals = both.poses.rotation @ _seats(tags).rotation[:, None, :, 2:]
     tilted = np.sum(normals[..., 0] * unit[:, None], -1)  # -1: as the plane, and seen from its front
     second = np.isfinite(both.costs[:, 1]) & (tilted[:, 1] < tilted[:, 0])
-    return both.poses[np.arange(len(values)), second.astype(int)]
+    each, which = np.arange(len(values)), second.astype(np.int64)
+    return Pose(both.poses.rotation[each, which], both.poses.translation[each, which])
 
 
 def plane_rows(standing: Pose, planes: tuple[Array, Array], tags: list[Tag]) -> tuple[Array, Array, BoolArray]:
