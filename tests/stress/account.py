@@ -31,7 +31,7 @@ def check_account(outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
         except TooLarge:
             findings.unchecked[f"left out: {lost.kind}"] += 1
     for remark in outcome.joined.remarks:
-        _remark(remark, outcome, findings)
+        _remark(remark, outcome, oracle, findings)
 
 
 def _rows_of(lost: LeftOut, log: Dataset) -> list[Table]:
@@ -157,7 +157,7 @@ _KINDS: dict[str, Callable[[LeftOut, list[Table], Outcome, Oracle, Findings], No
 }
 
 
-def _remark(remark: str, outcome: Outcome, findings: Findings) -> None:
+def _remark(remark: str, outcome: Outcome, oracle: Oracle, findings: Findings) -> None:
     log = outcome.log
     if match := re.fullmatch(r"robot (.+) measured nothing, and nobody saw it: it is in no map", remark, re.DOTALL):
         spoken = spoken_of(log.tables)
@@ -166,6 +166,8 @@ def _remark(remark: str, outcome: Outcome, findings: Findings) -> None:
         findings.check("remark: a robot that no row speaks of", silent, remark)
     elif match := re.fullmatch(r"submap (.+) stopped (\S+) sigma from its optimum, and is used as it is", remark):
         findings.check("remark: a submap that is nearly at its optimum", float(match[2]) <= LITTLE, remark)
+    elif match := re.fullmatch(r"not exact: the map of .+ is that of the join .+ was found: (.+)", remark, re.DOTALL):
+        is_true(match[1], "remark: a map that is not exact", outcome, oracle, findings)
     elif match := re.fullmatch(r"(.+): its (\d+) ranges come from one .+ give or take (\S+) m", remark):
         rows = [t for t in log.tables if t.source == "levels" and log.names.describe(int(t.keys[0, 1])) == match[1]]
         sigma = 1.0 / float(np.linalg.norm(rows[0].whitening[0, 0]))

@@ -230,6 +230,14 @@ def _converged(saying: Saying) -> bool:
     return True  # the map's own check
 
 
+def _is_explained(saying: Saying) -> bool:
+    """A remark says of this map why it is a join's, where one was asked for that is exact."""
+    assert saying.outcome.joined is not None and saying.component is not None
+    which = " and ".join(sorted(saying.component.members))
+    why = [r for r in saying.outcome.joined.remarks if r.startswith(f"not exact: the map of {which} is")]
+    return saying.outcome.exact and len(why) == 1
+
+
 def _could_hold(saying: Saying) -> bool:
     """Where nothing is special, here near the truth, all rows together hold the component to another one."""
     log = saying.outcome.log
@@ -245,6 +253,7 @@ def _could_hold(saying: Saying) -> bool:
 
 
 WHO = r"the submaps of robot (?P<robot>.+?) from (?P<base>.+?) on"
+TOGETHER = r"^together no map of them was found: "
 CLAIMS: dict[str, tuple[str, Check]] = {
     "shares nothing": (WHO + r" share nothing with the map", _shares_nothing),
     "can still turn": (WHO + r" share only (?P<things>.+) with the map and can still turn", _can_turn),
@@ -261,6 +270,11 @@ CLAIMS: dict[str, tuple[str, Check]] = {
         _could_hold,
     ),
     "ambiguous": (r"ambiguous: .* this map costs (?P<mine>[^,]+), the other about (?P<more>[^ ]+?) more\. ", _costs),
+    "together not determined": (TOGETHER + r"(?P<base>.+) is not determined", _can_turn),
+    "together fixed, but not found": (
+        TOGETHER + r"(?P<what>.+) is fixed by the measurements, but the search for an optimum ended",
+        _fixed_but_lost,
+    ),
     "not determined": (r"^(SolveError: )?(?P<what>.+) is not determined by", _not_determined),
     "not determined, to within rounding": (
         r"^(SolveError: )?(?P<what>.+) is not determined, to within rounding: ",
@@ -275,6 +289,7 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     "no odometry links": (r"no odometry links (?P<what>.+) to (?P<base>.+); cut the log", _no_link),
     "nothing measured": (r"there is nothing to join", _nothing_measured),
     "converged": (r"^Converged: ", _converged),
+    "not exact": (r"^Stopped: no optimum of all rows was found; this is the join", _is_explained),
     "all fixed": (
         r"^Nothing to estimate",
         lambda saying: saying.component is not None and not saying.component.map.dof,

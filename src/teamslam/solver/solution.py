@@ -21,6 +21,7 @@ class Status(Enum):
     FLAT = "Converged: no step lowers the cost any more, and what is left is rounding."
     EMPTY = "Nothing to estimate: every variable is fixed."
     MAX_ITERATIONS = "Stopped at the limit of iterations before the gradient was small enough."
+    INEXACT = "Stopped: no optimum of all rows was found; this is the join of the submaps, each in place of its rows."
     STUCK = "Stopped: no step lowers the cost although the gradient is not small; the start may be too far off."
 
     @property

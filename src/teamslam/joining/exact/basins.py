@@ -53,7 +53,11 @@ def lowest(
                 continue
             other = [*choice[:place], number, *choice[place + 1 :]]
             found = solve([of[k] for of, k in zip(alternatives, other, strict=True)])
-            if len(found.components) <= len(best.components) and _cost(found) < _cost(best) * (1.0 - SAME):
+            if (
+                len(found.components) <= len(best.components)
+                and (found.converged or not best.converged)
+                and _cost(found) < _cost(best) * (1.0 - SAME)
+            ):
                 best, choice, improved = found, other, True
                 break
     return best

@@ -4,7 +4,7 @@ It minimises F(G) = sum_i f_i over every measurement of every robot at once, sta
 submap has several local optima, the one that the team's cost is lowest with is taken (see `choose`).
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,6 +17,7 @@ from teamslam.joining.build.problem import ROUGH
 from teamslam.joining.build.split import split
 from teamslam.joining.exact.alone import excess_alone, excess_together
 from teamslam.joining.exact.basins import lowest
+from teamslam.joining.exact.instead import exact_or_joined
 from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
@@ -54,9 +55,19 @@ def full(
             unbuilt.append(Unbuilt(piece, str(error)))
     if not alternatives and unbuilt:
         raise SolveError(unbuilt[0].reason)
+
+    def solve(submaps: Sequence[Submap]) -> Joined:
+        built = {submap.id: submap for submap in submaps}
+        return exact_or_joined(
+            replace(join(submaps, options=rough), log=dataset),
+            lambda c: _full(dataset, c, options, progress),
+            lambda c: join([built[name] for name in c.members], near=Joined((c,)), options=options),
+            dataset.tables,
+        )
+
     found = lowest(
         alternatives,
-        lambda submaps: _from(dataset, join(submaps, options=rough), options, progress),
+        solve,
         partial(excess_alone, dataset.tables),
         partial(excess_together, dataset.tables),
     )
@@ -64,8 +75,12 @@ def full(
 
 
 def _from(dataset: Dataset, initial: Joined, options: Options, progress: Callable[[Step], None] | None) -> Joined:
-    components = tuple(_full(dataset, c, options, progress) for c in initial.components)
-    return Joined(components, initial.reasons, log=dataset)
+    return exact_or_joined(
+        replace(initial, log=dataset),
+        lambda c: _full(dataset, c, options, progress),
+        lambda c: Joined((c,)),
+        dataset.tables,
+    )
 
 
 def _full(

@@ -32,6 +32,7 @@ from teamslam.joining.exact.alone import excess_alone, excess_together
 from teamslam.joining.exact.basins import lowest
 from teamslam.joining.exact.coordinator import Coordinator, Ended, Parts
 from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of
+from teamslam.joining.exact.instead import exact_or_joined
 from teamslam.joining.exact.robot import Part, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.join import Component, Exactness, Joined, in_order, join
@@ -56,7 +57,8 @@ def exact_join(
     `choices`: of each piece the submaps to start from, as `build_choices` gives them; by default they are built here.
     `near`: as in `join`. Stops when the decrease of F still to be had is below `gap` of F, or rounding is all that is
     left of it. Every component carries its `exactness`; one that did not get there within `max_rounds` says so in its
-    status. Law: the estimate is that of `full` on the same data. Raises as `build` and `join` do.
+    status, and so does one from which rounds lead to no optimum: it is that of `join`, and a remark says why. Law: the
+    estimate is that of `full` on the same data. Raises as `build` and `join` do.
     """
     if choices is None:
         choices = [build_choices(piece, options=options) for piece in pieces]
@@ -67,11 +69,12 @@ def exact_join(
     def solve(submaps: Sequence[Submap]) -> Joined:
         built = {submap.id: (raw_of[submap.id], submap) for submap in submaps}
         first = join(submaps, near=near, options=rough)
-        components = (
-            _rounds(c, [built[name] for name in c.members], gap, max_rounds, options, progress)
-            for c in first.components
+        return exact_or_joined(
+            first,
+            lambda c: _rounds(c, [built[name] for name in c.members], gap, max_rounds, options, progress),
+            lambda c: join([built[name][1] for name in c.members], near=Joined((c,)), options=options),
+            tables,
         )
-        return Joined(tuple(components), first.reasons)
 
     tables = [table for piece in pieces for table in piece.tables]
     return lowest(choices, solve, partial(excess_alone, tables), partial(excess_together, tables))

@@ -3,9 +3,9 @@
     spare:  what only one submap knows, where that is most of it, is eliminated first: it changes nothing but the time
     place:  where each submap's frame lies, in closed form
     solve:  all frames and shared variables together; raw measurements that travel with the submaps join in; where the
-            frames have several assemblies, from each, and the lowest cost counts; where that makes no sense, from the
-            maps of both halves too; where there is no optimum, without raw rows that contradict the rest, and where
-            there is none even so, both halves for themselves
+            frames have several assemblies, from each, and of those that lead to an optimum the lowest cost counts;
+            where that makes no sense, from the maps of both halves too; where there is no optimum, without raw rows
+            that contradict the rest, and where there is none even so, both halves for themselves
     keep :  G^, all variables back in it, and its information: a submap again
 
 A join is a pure function of the set of submaps: they are put in order by id before anything is computed. It refuses to
@@ -252,15 +252,16 @@ def _join_cluster(
     found = _optima(inside, cluster, options, progress)
     if by_halves and len(inside) > 2 and (lowest := min(found, key=_excess)).shared.senseless:
         found += _from_halves(inside, lowest, options, progress)
-    best, *others = sorted(found, key=_excess)
-    dearer = tuple(_excess(other) - _excess(best) for other in others if _close(best, other))
+    best, *others = sorted(found, key=lambda optimum: (optimum.stopped, _excess(optimum)))
+    dearer = tuple(_excess(other) - _excess(best) for other in others if not other.stopped and _close(best, other))
     return Component(best.map(inside[0].whole.base_dim), best.solution, ids, dearer=dearer)
 
 
 def _optima(
     inside: Sequence[Member], cluster: Cluster, options: Options, progress: Callable[[Step], None] | None
 ) -> list[Optimum]:
-    """The optima from all assemblies that lead to one. Raises SolveError where none does."""
+    """The optima from all assemblies that lead to one; where one leads to nothing that is determined, a search that
+    stopped short of an optimum from another is on its way there as well. Raises SolveError where none is left."""
     found: list[Optimum] = []
     problem: SolveError | None = None
     for frames in (cluster.frames, *cluster.others):
@@ -268,6 +269,8 @@ def _optima(
             found.append(Optimum.of(inside, frames, options, progress))
         except SolveError as error:
             problem = problem or error
+    if problem is not None:
+        found = [optimum for optimum in found if not optimum.stopped]
     if not found and options.elsewhere:
         rest = without_contradictions(inside, cluster.frames, options, progress)
         found += [rest] if rest is not None else []

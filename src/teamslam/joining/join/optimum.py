@@ -18,7 +18,7 @@ from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
-from teamslam.solver import Options, Solution, Step, SubmapTerm, System, convex_start, reach
+from teamslam.solver import Options, Solution, Status, Step, SubmapTerm, System, convex_start, reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +111,11 @@ class Optimum:
     def cost(self) -> float:
         """What the map costs: the submaps' own costs, and what joining them adds."""
         return self.shared.cost + sum(member.whole.cost for member in self.members)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the search ended short of an optimum, where no step led on."""
+        return self.shared.status is Status.STUCK
 
     @cached_property
     def solution(self) -> Solution:
