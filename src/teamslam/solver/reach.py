@@ -13,7 +13,6 @@ Bound: AGAIN + 2 solves, and rough ones of a few iterations that make their star
 convex, and of sharpened one for each factor of ten between sigmas. None where `Options.elsewhere` is off.
 """
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -85,10 +84,10 @@ def same_optimum(one: Solution, other: Solution) -> bool:
 
 def firm(system: System, solution: Solution) -> Solution:
     """The same solution, for those who need its information or stand on where it is. Raises Open, naming a variable,
-    where it is short of an optimum and its information has no factor."""
-    if math.isinf(solution.decrement):
+    where it is short of an optimum and its information has no factor, or one by rounding alone."""
+    if not solution.converged:
         try:
-            system.factor(solution.values).factorise(solution.hessian.numbers)
+            refuse_rounding(system, solution)
         except SolveError as problem:
             raise Open(problem, solution.values) from None
     return solution

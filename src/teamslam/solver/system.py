@@ -92,7 +92,7 @@ class System:
         self.names = names or Names()
         self._homes = homes
         self.tables = tuple(tables)
-        self.submaps = tuple(submaps)
+        self.submaps = tuple(term for term in submaps if len(term.values))  # some hold or share but their frame
         held = np.zeros(len(layout), bool)
         held[layout.index(np.asarray(fixed, np.int64))] = True
         self.free = layout.select(~held)

@@ -110,8 +110,7 @@ class Part:
         """A submap whose rows nobody can be asked for: it stays the Gaussian that it is."""
         rest = submap if sending.whole else condense(submap, sending.kept.keys)[0]
         values = rest.all_values
-        terms = [SubmapTerm.of(rest)] if len(rest.values) else []  # some share but a frame
-        system = System(values.layout, submaps=terms, fixed=np.array([submap.base]), names=submap.names)
+        system = System(values.layout, submaps=[SubmapTerm.of(rest)], fixed=np.array([submap.base]), names=submap.names)
         return cls(submap, sending, system, values, sending.kept, submap.cost)
 
     def cost(self, values: Values) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import BoolArray, IntArray
+from teamslam.joining.join.bystanders import Bystander, without_bystanders
 from teamslam.joining.join.join import Joined
 from teamslam.joining.join.second_places import second_places, sentences, undecided
 from teamslam.joining.join.why_open import WORLD_OPEN, why_open
@@ -53,9 +54,11 @@ class Unbuilt:
 def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> Joined:
     """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`,
     every variable and every row once. Robots that brought nothing and landmarks with two places are remarks. A map that
-    would hold one pose and nothing else is none. Raises SolveError where there is no other."""
+    would hold one pose and nothing else, or nothing that others do not place, is none. Raises SolveError where there is
+    no other."""
     joined, lone = _without_lone(log, joined)
-    left_out = tuple(_Books(log, [c.map for c in joined.components]).entries([*unbuilt, *lone]))
+    joined, stood_by = without_bystanders(joined)
+    left_out = tuple(_Books(log, [c.map for c in joined.components]).entries([*unbuilt, *lone], stood_by))
     silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
     remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
     twofold = [second_places(c.map, log.tables) for c in joined.components]
@@ -136,7 +139,7 @@ class _Books:
         self.open = [_not_held(table, held, waiting) for table in log.tables]
         self.missing = np.setdiff1d(log.layout.keys, self.known)
 
-    def entries(self, unbuilt: Sequence[Unbuilt]) -> Iterator[LeftOut]:
+    def entries(self, unbuilt: Sequence[Unbuilt], stood_by: Sequence[Bystander] = ()) -> Iterator[LeftOut]:
         """One for each thing that was left out."""
         for lost in unbuilt:
             rows = Sources.of(lost.piece.tables)
@@ -149,23 +152,27 @@ class _Books:
             )
             mine = [mask & rows.rows_of(t) for t, mask in zip(self.log.tables, self.open, strict=True)]
             yield self._taken("piece", what, poses, mine, lost.reason)
+        for bystander in stood_by:
+            yield self._without(bystander.poses, bystander.reason)
         for key in self.missing[is_landmark(self.missing)].tolist():
             rows_of = [m & (t.keys[:, -1] == key) for t, m in zip(self.log.tables, self.open, strict=True)]
             parts = [t.select(m) for t, m in zip(self.log.tables, rows_of, strict=True) if m.any()]
             reason = why_open(key, parts, self.maps)
             yield self._taken("landmark", self.names.describe(key), np.array([key]), rows_of, reason)
         for robot in np.unique(robot_of(self.missing[is_pose(self.missing)])).tolist():
-            poses = self.missing[robot_of(self.missing) == robot]
-            rows_of = [m & np.isin(t.keys, poses).any(1) for t, m in zip(self.log.tables, self.open, strict=True)]
-            n = len(poses)
-            what = f"{n} pose{'' if n == 1 else 's'} of robot {self.names.robot(robot)}"
-            yield self._taken("poses", what, poses, rows_of, self._why_nowhere(rows_of))
+            yield self._without(self.missing[robot_of(self.missing) == robot])
         for number, table in enumerate(self.log.tables):
             if self.open[number].any():
                 mine = [np.zeros(len(t), bool) for t in self.log.tables]
                 mine[number] = self.open[number]
                 what = f"{table.source} of robot {self.names.robot(table.robot)}"
                 yield self._taken("rows", what, np.zeros(0, np.int64), mine, self._why_loose(table, mine[number]))
+
+    def _without(self, poses: IntArray, reason: str = "") -> LeftOut:
+        """Poses of one robot, and all rows about them."""
+        rows_of = [m & np.isin(t.keys, poses).any(1) for t, m in zip(self.log.tables, self.open, strict=True)]
+        what = f"{len(poses)} pose{'' if len(poses) == 1 else 's'} of robot {self.names.robot(int(robot_of(poses[0])))}"
+        return self._taken("poses", what, poses, rows_of, reason or self._why_nowhere(rows_of))
 
     def _taken(self, kind: str, what: str, keys: IntArray, rows: Sequence[BoolArray], reason: str) -> LeftOut:
         """An entry with some of what is missing, which is then nobody else's."""

@@ -48,7 +48,7 @@ def _unweighted(optimum: Optimum) -> Covariances:
     system = System(
         optimum.shared.values.layout,
         tables=[table.with_loss(SQUARED) for table in optimum.used],
-        submaps=[SubmapTerm.of(submap) for submap in submaps if len(submap.values)],
+        submaps=[SubmapTerm.of(submap) for submap in submaps],
         fixed=optimum.fixed,
         names=optimum.names,
     )

@@ -101,7 +101,7 @@ class Optimum:
     ) -> "Optimum":
         submaps = [member.joined for member in members]
         names = submaps[0].names.merge(m.names for m in submaps[1:])
-        terms = [SubmapTerm.of(submap) for submap in submaps if len(submap.values)]  # some share but a frame
+        terms = [SubmapTerm.of(submap) for submap in submaps]
         carried = homes(start.layout, stack)
         system = System(start.layout, tables=used, submaps=terms, fixed=fixed, names=names, homes=carried)
         solution = reach(system, convex_start(system, start, options), options, progress)

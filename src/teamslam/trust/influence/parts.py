@@ -125,7 +125,7 @@ class Problem:
         )
 
     def _system(self, group: Sequence[Contribution], values: Values) -> System:
-        terms = [SubmapTerm.of(m.joined) for m, _ in group if len(m.joined.values)]
+        terms = [SubmapTerm.of(m.joined) for m, _ in group]
         tables = [table for _, rows in group for table in rows]
         fixed = self.fixed[values.layout.contains(self.fixed)]
         return System(values.layout, tables=tables, submaps=terms, fixed=fixed, names=self.members[0].whole.names)
