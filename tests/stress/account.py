@@ -119,6 +119,9 @@ def _poses(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, f
     for key in lost.keys.tolist():
         tables = [t.select((t.keys == key).any(1)) for t in outcome.log.tables]
         around = [int(k) for k in spoken_of(tables) if k != key and int(k) in mapped]
+        if "no odometry leads there" in lost.reason:  # seen from where others saw what was seen from there
+            rows_on = [t.select(np.isin(t.keys, around).any(1)) for t in outcome.log.tables]
+            around = [int(k) for k in spoken_of(rows_on) if is_pose(int(k)) and int(k) in mapped][:1]
         open_ = all(weak(oracle, *_observer(one, key)) for one in around)
         if "a loss forgives" in lost.reason:
             whole = [t for t in tables if t.model == "relative_pose" and len(t)]

@@ -12,6 +12,7 @@ Report = Mapping[str, Any]
 Rows = list[tuple[str, str]]
 
 UNSEEN = 1e-12  # of a cost, or of one sigma squared: what rounding hides
+FAR = 1.0  # [sigma] from full least squares: a join that is farther is told the way there
 
 
 DONE = {
@@ -166,7 +167,10 @@ def exactness(report: Report) -> str:
     if decrease <= UNSEEN * max(cost, 1.0):
         return f"the full least squares to rounding, {found['max_shift_sigma']:.1g} sigma at most{sent}"
     above = f"{found['relative_cost_gap']:.2g} of the cost" if cost > 1.0 else f"a cost of {decrease:.2g}"
-    return f"about {above} above full least squares, {found['max_shift_sigma']:.2g} sigma at most{sent}"
+    farther = (
+        "" if found["max_shift_sigma"] < FAR else "; `teamslam run --exact` goes on from there to full least squares"
+    )
+    return f"about {above} above full least squares, {found['max_shift_sigma']:.2g} sigma at most{sent}{farther}"
 
 
 def _dropped(report: Report) -> Rows:
