@@ -24,6 +24,7 @@ from teamslam.trust.calibration.drawn import by_chance, off
 from teamslam.trust.calibration.slips import Slips
 
 STEPS, HALVINGS = 30, 4
+APART = 1.0  # deviation of what is expected of one scale's phi beside that of the others
 MOST = 1.4  # of a logarithm in one step
 SETTLED = 0.2  # of its own deviation, by which the next step would move it at most
 BEGUN, LEAST = 0.1, 0.01  # of what is stated, on the mean of rows: where slips begin, and less than which goes out
@@ -47,7 +48,8 @@ def balanced(
     scales, theta = list(scales), theta.copy()
     if not known:
         return scales, theta
-    whole = np.asarray(sum(len(s.stated) for s in known) / sum(s.beside_stated for s in known))
+    beside = [slip.beside(scale) for slip, scale in zip(slips, scales, strict=True) if slip is not None]
+    whole = np.asarray(sum(s.moving.sum() for s in known) / sum(beside))
     pulls, information = pulled(free, scales, theta)
     scaled = len(free.scaled)
     stands = np.append(np.abs(off(pulls.squares)[:scaled]), off(pulls.squares)[scaled:])
@@ -63,7 +65,7 @@ def balanced(
 
         def scored(logs: Array, now: tuple[Components, list[Array], Array] = now) -> tuple[Array, Array]:
             pulls, information = pulled(now[0], *now[0].put(logs, *now[1:]))
-            return pulls.scores, information
+            return expecting(logs, len(now[0].scaled), pulls.scores, information)
 
         least = np.append(np.full(len(free.scaled), -np.inf), np.log(LEAST * whole[list(free.slipping)]))
         logs = settled(free.logs(scales, theta), scored, least)
@@ -73,6 +75,19 @@ def balanced(
             return scales, theta
         theta[[k for k, gone in zip(free.slipping, out[len(free.scaled) :], strict=True) if gone]] = 0.0
         free = free.only(~out)
+
+
+def expecting(logs: Array, scaled: int, scores: Array, information: Array) -> tuple[Array, Array]:
+    """Scores (k,) and information (k, k) of phi = `logs`, the first `scaled` of them of scales, by what is expected
+    before any data as well: scales that have one in common, whichever it is, each off it by APART, and slips of any
+    deviation alike."""
+    even = np.eye(scaled) - 1.0 / max(scaled, 1)
+    pull, held = np.full(len(logs), 0.5), np.zeros_like(information)
+    pull[:scaled] = -even @ logs[:scaled] / APART**2
+    held[:scaled, :scaled] = even / APART**2
+    slips = np.arange(scaled, len(logs))
+    held[slips, slips] = np.maximum(-scores[slips] - np.diag(information)[slips], 0.0)  # theta itself, where it falls
+    return scores + pull, information + held
 
 
 def settled(start: Array, scored: Scored, least: Array) -> Array:

@@ -92,7 +92,7 @@ class Pulls:
                 if k in tables:
                     units.append((n, _of_part(slip.stated, scales[k], part)))
             for n, unit in units:
-                moved = unit @ pull
+                moved = unit @ pull * slip.moving[:, None, None]
                 squares[n] += np.sum(pull * moved, (0, 1))
                 along[k][..., n] = moved[..., 0]
         return cls(squares, np.concatenate([each.reshape(-1, len(components)) for each in along]))
@@ -116,7 +116,7 @@ def _of_part(stated: Array, scale: Array, part: int) -> Array:
 
 def told_apart(slips: Sequence[Slips]) -> Array:
     """The share of what rows tell of each slip, by their noise as stated, when neither scales nor other slips are known
-    (slips,): next to none where all rows are alike, as a slip is then a scale."""
+    (slips,): next to none where all rows under way are alike, as a slip is then a scale."""
     sizes = sorted(
         {slip.stated.shape[-1] for slip in slips}
     )  # robots of the plane and of space have scales of their own
@@ -125,8 +125,9 @@ def told_apart(slips: Sequence[Slips]) -> Array:
     information = np.zeros((scaled + count, scaled + count))
     for slip in slips:
         rows = slip.stated.shape[-1]
-        parts = [_of_part(slip.stated, np.ones(rows), part) for part in range(rows)]
-        moved = np.linalg.solve(slip.stated[None], np.stack([*parts, *slip.units]))
+        stated = slip.stated[slip.moving]
+        parts = [_of_part(stated, np.ones(rows), part) for part in range(rows)]
+        moved = np.linalg.solve(stated[None], np.stack([*parts, *slip.units[:, slip.moving]]))
         at = np.append(starts[rows] + np.arange(rows), scaled + np.arange(count))
         information[np.ix_(at, at)] += 0.5 * np.einsum("kmij,lmji->kl", moved, moved)
     size = np.sqrt(np.diag(information))

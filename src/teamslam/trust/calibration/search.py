@@ -23,8 +23,9 @@ from teamslam.trust.calibration.hidden import hidden
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.persistence import WHITE, Pairs, Persistence, hanging, tempering
 from teamslam.trust.calibration.posterior import Fit
-from teamslam.trust.calibration.rows import Linear, is_sighting
-from teamslam.trust.calibration.sizes import Sizes
+from teamslam.trust.calibration.resting import under_way
+from teamslam.trust.calibration.rows import Linear, is_odometry, is_sighting
+from teamslam.trust.calibration.sizes import Sizes, in_common
 from teamslam.trust.calibration.slipping import Scores
 from teamslam.trust.calibration.slips import SLIPS, Slips
 from teamslam.trust.calibration.successive import Successive
@@ -52,6 +53,7 @@ class Search:
             [k for k, t in enumerate(tables) if t.kind == kind] for kind in dict.fromkeys(t.kind for t in tables)
         ]
         self.pairs = {kind: Pairs.of([tables[k] for k in mine], linear.names) for kind, mine in self.kinds.items()}
+        self.moving = [under_way(table) for table in tables]
         self.scales = [np.ones(noise.deviation.shape[1]) for noise in stated]
         self.theta = np.zeros(len(SLIPS))
         self.tempers = [np.ones((len(t), t.row.residual_rows(t.dim))) for t in tables]
@@ -66,7 +68,8 @@ class Search:
         fit = self.fit(tempered=False)  # every systematic error is let in
         both = self._left(fit)
         self._resize(both, by_chance(FALSE_ALARM / len(SLIPS)))
-        if any((self.scales[k] < 1.0).any() for members in self.kinds.values() for k in members):
+        least = self._beside(self.scales)
+        if any((self.scales[k] < least).any() for members in self.kinds.values() for k in members):
             self.unseen = hidden(fit, self.now, self.kinds, np.random.default_rng(1))  # by the noise as it is stated
             self.scales = self._seen(self.scales)
         self._move()
@@ -199,18 +202,47 @@ class Search:
     def _scales(self, both: Sequence[Array]) -> list[Array]:
         """Scales (rows,) such that draws would leave as much as is left (see `sizes`)."""
         chance = by_chance(FALSE_ALARM / sum(map(len, self.scales)))
-        out = list(self.scales)
-        for members in self.alike:
-            squares = np.stack([np.mean(self.now[k].sizes(both[k]) ** 2, 0) for k in members])
-            scales, rows = np.stack([self.scales[k] for k in members]), np.array([len(both[k]) for k in members])
-            for k, scale in zip(members, Sizes.of(squares, scales, rows).scales(chance), strict=True):
-                out[k] = scale
-        return out
+        found = [self._sizes_of(members, both) for members in self.alike]
+        alone = self._by_tables([sizes.scales(chance) for sizes in found])
+        common = self._in_common(alone)
+        if common == 1.0:
+            return alone
+        beside = self._by_tables([sizes.scales(chance, common) for sizes in found])
+        return (
+            alone if any((scales == 1.0).any() for scales in beside) else beside
+        )  # something is right as it is stated
+
+    def _sizes_of(self, members: Sequence[int], both: Sequence[Array]) -> Sizes:
+        squares = np.stack([np.mean(self.now[k].sizes(both[k])[self.moving[k]] ** 2, 0) for k in members])
+        scales, rows = np.stack([self.scales[k] for k in members]), np.array([self.moving[k].sum() for k in members])
+        return Sizes.of(squares, scales, rows)
+
+    def _by_tables(self, of_kinds: Sequence[Array]) -> list[Array]:
+        """What is told of tables kind by kind (k, rows), table by table."""
+        told = {
+            k: each
+            for members, of in zip(self.alike, of_kinds, strict=True)
+            for k, each in zip(members, of, strict=True)
+        }
+        return [told[k] for k in range(len(told))]
+
+    def _in_common(self, scales: Sequence[Array]) -> float:
+        """What all scales but those of what a map hides have in common."""
+        by_source: dict[str, list[Array]] = {}
+        for k, (table, each) in enumerate(zip(self.linear.tables, scales, strict=True)):
+            by_source.setdefault(table.source, []).append(each[~self.unseen.get(k, np.zeros(len(each), bool))])
+        return in_common(by_source)
 
     def _seen(self, scales: Sequence[Array]) -> list[Array]:
-        """Scales without those below one of what a map hides."""
-        none = np.zeros(1, bool)
-        return [np.where(self.unseen.get(k, none) & (s < 1.0), 1.0, s) for k, s in enumerate(scales)]
+        """Scales without those below odometry's of what a map hides: in proportion to it, as both are stated. What
+        comes out as stated stays so."""
+        none, least = np.zeros(1, bool), self._beside(scales)
+        return [np.where(self.unseen.get(k, none) & (s < least) & (s != 1.0), least, s) for k, s in enumerate(scales)]
+
+    def _beside(self, scales: Sequence[Array]) -> float:
+        """What odometry's deviations are scaled by, in the middle of its parts; as stated where there is none."""
+        own = [s for s, table in zip(scales, self.linear.tables, strict=True) if is_odometry(table)]
+        return float(np.median(np.concatenate(own))) if own else 1.0
 
     def _hang(self, both: Sequence[Array]) -> None:
         """How errors of each part of each kind of sighting last, all robots together, and what that leaves of them."""

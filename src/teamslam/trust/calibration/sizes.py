@@ -1,5 +1,6 @@
 """How large errors are beside what is stated of them, and what that says of a team's deviations."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,23 +27,40 @@ class Sizes:
         spread = squares[..., 1:].std(-1, ddof=1)
         return cls(scales**2 * squares[..., 0] / expected, spread / expected, expected * rows[:, None])
 
-    def scales(self, chance: float) -> Array:
+    def scales(self, chance: float, common: float = 1.0) -> Array:
         """The scale of each robot's deviations, part by part (k, rows): that of all robots together, but of those that
-        differ from the others their own, and one where nothing else is sure; `chance`: how many doubts chance goes."""
-        return np.sqrt(np.stack([self._of_part(part, chance) for part in range(self.ratio.shape[1])], -1))
+        differ from the others their own; where nothing else is sure one, or what all else has in `common`, unless that
+        is sure not to be. `chance`: how many doubts chance goes."""
+        parts = range(self.ratio.shape[1])
+        return np.sqrt(np.stack([self._of_part(part, chance, 2.0 * np.log(common)) for part in parts], -1))
 
-    def _of_part(self, part: int, chance: float) -> Array:
+    def _of_part(self, part: int, chance: float, common: float) -> Array:
         doubt, counts = self.doubt[:, part], self.counts[:, part]
         seen = (counts > LEAST) & (self.ratio[:, part] > 0.0)
         logs = np.log(np.where(seen, self.ratio[:, part], 1.0))
         middle = float(np.median(logs[seen])) if seen.any() else 0.0
         differs = seen & (np.abs(logs - middle) > chance * doubt)
         together = seen & ~differs
-        pooled = 1.0
+        pooled = np.array(common)
         if together.any():
             share = counts[together] / counts[together].sum()
-            pooled = float(share @ np.exp(logs[together]))
-            if abs(np.log(pooled)) <= chance * float(np.sqrt(np.sum((share * doubt[together]) ** 2))):
-                pooled = 1.0
-        own = np.where(np.abs(logs) > chance * doubt, np.exp(logs), 1.0)
-        return np.where(differs, own, np.where(seen, pooled, 1.0))
+            doubted = chance * np.sqrt(np.sum((share * doubt[together]) ** 2))
+            pooled = _sure(np.log(share @ np.exp(logs[together])), doubted, common)
+        return np.exp(np.where(differs, _sure(logs, chance * doubt, common), np.where(seen, pooled, common)))
+
+
+def in_common(scales: Mapping[str, Sequence[Array]]) -> float:
+    """By what all deviations of a log are off, from scales of what it measures, by sources: the least by which any part
+    is, where two sources are, and all to one side; else one."""
+    off = {source: np.concatenate(parts)[np.concatenate(parts) != 1.0] for source, parts in scales.items()}
+    all_off = np.log(np.concatenate([np.zeros(0), *off.values()]))
+    if sum(len(each) > 0 for each in off.values()) < 2 or abs(np.sign(all_off).sum()) < len(all_off):
+        return 1.0
+    return float(np.exp(all_off[np.argmin(np.abs(all_off))]))
+
+
+def _sure(logs: Array, doubted: Array, common: float) -> Array:
+    """Logarithms that chance, which goes as far as is `doubted`, does not make of one; else what is in `common`, or of
+    one where that is as sure not to be."""
+    as_others = np.where(np.abs(logs - common) <= doubted, common, 0.0)
+    return np.where(np.abs(logs) > doubted, logs, as_others)

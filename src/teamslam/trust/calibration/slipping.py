@@ -40,7 +40,7 @@ class Scores:
                     continue
                 score += np.sum(squares, 1)
                 stated += slip.beside_stated
-                rows += len(errors)
+                rows += int(slip.moving.sum())
         return cls(score, stated, rows)
 
     def step(self, theta: Array, chance: float) -> Array:
@@ -62,11 +62,11 @@ class Scores:
 
 
 def squares_of_rows(slips: Slips, noise: Noise, errors: Array) -> Array | None:
-    """l_i' B_ik l_i (slips, m, 1 + draws) of what is left of errors (m, rows, 1 + draws), measured and drawn; None
-    where the map takes up all of a part of them."""
-    squares = np.mean(noise.sizes(errors) ** 2, 0)
+    """l_i' B_ik l_i (slips, m, 1 + draws) of what is left of errors (m, rows, 1 + draws), measured and drawn, of rows
+    under way; None where the map takes up all of a part of them."""
+    squares = np.mean(noise.sizes(errors)[slips.moving] ** 2, 0)
     if squares[:, 1:].mean(-1).min() * len(errors) < LEAST:
         return None
     even = errors * np.sqrt(squares.mean(-1, keepdims=True) / np.maximum(squares, 1e-300))
     pull = np.swapaxes(noise.whitening, 1, 2) @ (noise.whitening @ even)
-    return np.asarray(np.sum(pull * (slips.units @ pull), 2))
+    return np.asarray(np.sum(pull * (slips.units @ pull), 2) * slips.moving[:, None])

@@ -16,21 +16,23 @@ from functools import cached_property
 
 import numpy as np
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, BoolArray
 from teamslam.model import Table
 from teamslam.model.noise import ranks
 from teamslam.model.sensors import pose_of
+from teamslam.trust.calibration.resting import under_way
 
 SLIPS = ("turn", "shift")
 
 
 @dataclass(frozen=True, eq=False)
 class Slips:
-    """The unit covariances B (slips, m, rows, rows) of an odometry table, and its `stated` covariance (m, rows,
-    rows)."""
+    """The unit covariances B (slips, m, rows, rows) of an odometry table, its `stated` covariance (m, rows, rows), and
+    which rows are `moving` (m,), by which slips are known (see `resting`)."""
 
     units: Array
     stated: Array
+    moving: BoolArray
 
     @classmethod
     def of(cls, table: Table, lasting: Array) -> "Slips | None":
@@ -39,14 +41,18 @@ class Slips:
         if not own or not len(table) or (ranks(table.whitening) < table.whitening.shape[-1]).any():
             return None
         back = np.linalg.inv(np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:])))
-        return cls(
-            np.stack([_turn(table, lasting), _shift(table, lasting)]), np.asarray(back @ np.swapaxes(back, 1, 2))
-        )
+        units = np.stack([_turn(table, lasting), _shift(table, lasting)])
+        return cls(units, np.asarray(back @ np.swapaxes(back, 1, 2)), under_way(table))
 
     @cached_property
     def beside_stated(self) -> Array:
-        """sum_i tr(C_i^-1 B_ik) (slips,): how much one unit of each is beside what is stated."""
-        return np.asarray(np.trace(np.linalg.solve(self.stated[None], self.units), axis1=2, axis2=3).sum(1))
+        """sum_i tr(C_i^-1 B_ik) over rows under way (slips,): how much one unit of each is beside what is stated."""
+        return self.beside(np.ones(self.stated.shape[-1]))
+
+    def beside(self, scale: Array) -> Array:
+        """The same beside what is stated, `scale` (rows,) times as large."""
+        stated = (self.stated * np.outer(scale, scale))[self.moving]
+        return np.asarray(np.trace(np.linalg.solve(stated[None], self.units[:, self.moving]), axis1=2, axis2=3).sum(1))
 
     def covariance(self, scale: Array, theta: Array) -> Array:
         """C (m, rows, rows) for scales (rows,) and theta (slips,)."""
