@@ -13,6 +13,7 @@ from teamslam.errors import SolveError
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.join.bystanders import Bystander, without_bystanders
 from teamslam.joining.join.join import Joined
+from teamslam.joining.join.nearer import nearer_than_known
 from teamslam.joining.join.second_places import second_places, sentences, undecided
 from teamslam.joining.join.why_open import WORLD_OPEN, why_open
 from teamslam.model import (
@@ -38,6 +39,10 @@ FORGIVEN = (
 ALONE = "no odometry leads to it or from it, and nothing seen from there fixes a place by itself"
 CONTRADICT = (
     "with them no optimum was found, and the map of the rest has them far off: they, or their stamps, may be wrong"
+)
+NEARER = (
+    "with them no optimum was found: what they see is nearer to the sensor than the map knows how the two lie, so the"
+    " way in which it lies from there is open"
 )
 FORGIVE = "; where some are, `--loss huber` lets them pull less, and `--reject` leaves them out"
 TURNED = "they leave part of how their target is turned open, so all that is known of it is where it is"
@@ -162,11 +167,11 @@ class _Books:
         for robot in np.unique(robot_of(self.missing[is_pose(self.missing)])).tolist():
             yield self._without(self.missing[robot_of(self.missing) == robot])
         for number, table in enumerate(self.log.tables):
-            if self.open[number].any():
+            for loose, reason in self._why_loose(table, self.open[number]) if self.open[number].any() else ():
                 mine = [np.zeros(len(t), bool) for t in self.log.tables]
-                mine[number] = self.open[number]
+                mine[number] = loose
                 what = f"{table.source} of robot {self.names.robot(table.robot)}"
-                yield self._taken("rows", what, np.zeros(0, np.int64), mine, self._why_loose(table, mine[number]))
+                yield self._taken("rows", what, np.zeros(0, np.int64), mine, reason)
 
     def _without(self, poses: IntArray, reason: str = "") -> LeftOut:
         """Poses of one robot, and all rows about them."""
@@ -194,13 +199,18 @@ class _Books:
             "of them open"
         )
 
-    def _why_loose(self, table: Table, rows: BoolArray) -> str:
-        """Why rows are in no map though all that they speak of is in some."""
-        if any(m.all_values.layout.contains(table.keys[rows]).all() and table.sees_turns for m in self.maps):
-            return TURNED
-        if any(m.all_values.layout.contains(table.keys[rows]).all() for m in self.maps) and not table.row.unary:
-            return CONTRADICT + FORGIVE * (table.loss == SQUARED)
-        return WORLD_OPEN if table.row.unary else APART
+    def _why_loose(self, table: Table, rows: BoolArray) -> Iterator[tuple[BoolArray, str]]:
+        """Why rows are in no map though all that they speak of is in some; of those that one holds, which and why."""
+        whole = next((m for m in self.maps if m.all_values.layout.contains(table.keys[rows]).all()), None)
+        if whole is None or table.row.unary:
+            yield rows, TURNED if whole and table.sees_turns else WORLD_OPEN if table.row.unary else APART
+        elif table.sees_turns:
+            yield rows, TURNED
+        else:
+            near = np.zeros(len(rows), bool)
+            near[rows] = nearer_than_known(table.select(rows), whole)
+            contradict = CONTRADICT + FORGIVE * (table.loss == SQUARED)
+            yield from ((mask, why) for mask, why in ((near, NEARER), (rows & ~near, contradict)) if mask.any())
 
 
 def _not_held(table: Table, held: Sources, waiting: Iterable[Table]) -> BoolArray:
