@@ -8,6 +8,7 @@ import numpy as np
 from teamslam.geometry import Array, Pose
 from teamslam.model import Dataset, Table, Values, is_pose, pack
 from teamslam.model.sensors import pose_of
+from teamslam.sim.noise import plus
 
 Fault = Callable[[Table], Table]
 
@@ -175,3 +176,20 @@ def misread(dataset: Dataset, robot: int, mark: int, other: int, *, first: int =
         return replace(table, keys=keys)
 
     return dataset.with_tables(map(fault, dataset.tables))
+
+
+def jumped(dataset: Dataset, robot: int, row: int, sigmas: float, seed: int = 0) -> Dataset:
+    """One row of a robot's odometry is off by so many sigmas, by a shift and a turn drawn at random."""
+
+    def off(table: Table) -> Table:
+        if table.robot != robot or table.source != "odometry":
+            return table
+        way = np.random.default_rng([seed, 5]).standard_normal(table.row.residual_rows(table.dim))
+        error = np.linalg.inv(table.whitening[min(row, len(table.whitening) - 1)]) @ (
+            sigmas * way / np.linalg.norm(way)
+        )
+        values = table.values.copy()
+        values[row] = plus(table.model, table.values[[row]], error[None], table.dim)[0]
+        return replace(table, values=values)
+
+    return dataset.with_tables(map(off, dataset.tables))

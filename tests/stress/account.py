@@ -147,9 +147,21 @@ def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Orac
                 free = component.map.base != WORLD and turns_in_the_world(own, int(poses[0]))
                 findings.check("left out: rows of a world that a map is free to turn in", free, lost)
         return
+    if lost.reason.endswith("the log is cut there"):
+        _steps(lost, rows, outcome, findings)
+        return
     maps = [c.map.all_values.layout for c in outcome.components]
     inside = [row for t in rows for layout in maps for row in t.keys[t.told_by(layout)].tolist()]
     findings.check("left out: rows that no one map could hold", not inside, f"{lost.what}: {len(inside)} rows")
+
+
+def _steps(lost: LeftOut, rows: list[Table], outcome: Outcome, findings: Findings) -> None:
+    """One step of odometry, or several of one stretch: by itself it is far from where its map has it."""
+    values = [c.map.all_values for c in outcome.components]
+    told = [t.select(m) for t in rows for v in values if (m := t.told_by(v.layout)).any()]
+    near = [v for t in told for v in values if t.told_by(v.layout).all()]
+    far = [float(np.sum(t.whitened(v) ** 2, -1).min()) for t, v in zip(told, near, strict=True)]
+    findings.check("left out: steps far from where the rest has them", min(far, default=np.inf) > 30.0, lost.what)
 
 
 _KINDS: dict[str, Callable[[LeftOut, list[Table], Outcome, Oracle, Findings], None]] = {

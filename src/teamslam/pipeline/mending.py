@@ -9,7 +9,7 @@ from teamslam.errors import SolveError
 from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
 from teamslam.joining.join.held_frame import with_frame
 from teamslam.joining.start.blunt import blunt, with_levels
-from teamslam.model import Dataset, Submap
+from teamslam.model import Dataset, LeftOut, Submap
 from teamslam.pipeline.clock import Clock
 from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
 from teamslam.pipeline.renamed import Renamed
@@ -24,6 +24,8 @@ from teamslam.trust import (
     wrong_sightings,
 )
 from teamslam.trust.calibration import Calibration, as_stated, calibrate
+from teamslam.trust.causes.cut import Cut
+from teamslam.trust.causes.jumps import jumps
 from teamslam.trust.unknowns import Settled, settled, with_unknowns
 
 PLACES = ("landmark", "place", "name")  # kinds of causes by which landmarks are called otherwise
@@ -77,9 +79,10 @@ def calibrated(at: Sequence[AtMap], wrong: Sequence[Cause]) -> Calibration | Non
 
 
 def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, tuple[Cause, ...]]:
-    """A log with landmarks that were moved, or of which two carry one name, as two landmarks each, and with names that
-    lie put right, where such are among what is `wrong`; and which those are. What it rests on reads so, too."""
-    found = tuple(cause for cause in wrong if cause.kind in PLACES and cause.mend is not None)
+    """A log with landmarks that were moved, or of which two carry one name, as two landmarks each, with names that lie
+    put right, and without steps of odometry that contradict all else, where such are among what is `wrong`; and which
+    those are. What it rests on reads so, too."""
+    found = tuple(cause for cause in wrong if cause.kind in (*PLACES, "jump") and cause.mend is not None)
     for cause in found:
         assert cause.mend is not None
         mended = cause.mend(dataset)
@@ -87,6 +90,22 @@ def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, 
             mended = replace(mended, unknowns=Renamed(dataset.unknowns, cause.mend, mended))
         dataset = mended
     return dataset, found
+
+
+def with_hidden_jumps(
+    wrong: Sequence[Cause], log: Dataset, joined: Joined, decisions: Decisions | None
+) -> tuple[Cause, ...]:
+    """What is wrong, with the steps of odometry that contradict all else in a log where sightings were left out of its
+    map for them: a step that is off there is judged by the log with its sightings."""
+    if decisions is None or not decisions.rejected:
+        return tuple(wrong)
+    jumped = (cause for component in joined.components for cause in jumps(log, component.map, doubted=True))
+    return (*(cause for cause in wrong if cause.kind != "jump"), *jumped)
+
+
+def steps_cut(log: Dataset, found: Sequence[Cause]) -> tuple[LeftOut, ...]:
+    """What a log loses by the steps of odometry among what is found in it."""
+    return tuple(cause.mend.lost(log) for cause in found if isinstance(cause.mend, Cut))
 
 
 def completed(dataset: Dataset, joined: Joined) -> tuple[Dataset, tuple[str, ...]]:

@@ -3,7 +3,8 @@
 clocks and cameras of recordings, estimated with a map
 -> landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
--> landmarks that were moved, as two each, names that lie beyond doubt put right, and all of this again
+-> steps of odometry that contradict all else left out, landmarks that were moved, as two each, names that lie beyond
+   doubt put right, and all of this again
 -> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
 -> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
 """
@@ -17,7 +18,7 @@ from teamslam.errors import InputError, SolveError
 from teamslam.io import read
 from teamslam.joining import AtMap, Joined, cost_of, with_exactness
 from teamslam.metrics import Report, score
-from teamslam.model import Dataset, Values, a_kind, is_unnamed
+from teamslam.model import Dataset, LeftOut, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.in_time import in_time
 from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
@@ -29,6 +30,8 @@ from teamslam.pipeline.mending import (
     in_their_places,
     once_more,
     settled_by,
+    steps_cut,
+    with_hidden_jumps,
 )
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
@@ -45,7 +48,7 @@ from teamslam.trust import (
 from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
-MOST_APART = 20  # landmarks that are called otherwise than in the log: of more, names say nothing
+MOST_APART = 20  # landmarks that are called otherwise than in the log, and steps left out: of more, it says nothing
 
 
 def run(
@@ -82,9 +85,10 @@ def _told(
     work: Path | None,
     apart: tuple[Cause, ...] = (),
     added: tuple[str, ...] = (),
+    cut: tuple[LeftOut, ...] = (),
 ) -> Result:
     """The story of a log whose landmarks have names; found by the map before: `apart`, those that are in two places,
-    and `added`, what is said of what it showed to be missing (see `completed`)."""
+    `added`, what is said of what it showed to be missing (see `completed`), and `cut`, steps that it is without."""
     found = settled_by(dataset, config, clock)
     dataset = dataset if found is None else found.log
     log = dataset if config.loss is None else dataset.with_loss(config.loss)
@@ -100,21 +104,25 @@ def _told(
     if workers is None and not added:
         again, added = completed(dataset, joined)
         if added:
-            return _told(again, config, clock, workers, work, apart, added)
+            return _told(again, config, clock, workers, work, apart, added, cut)
     put_out = () if suspected is None else suspected.put_out()
-    joined = replace(joined, remarks=(*joined.remarks, *added, *put_out))
+    remarks, left_out = (*joined.remarks, *added, *put_out), (*joined.left_out, *cut)
+    joined = replace(joined, remarks=remarks, left_out=left_out)
     at = _at(log, joined)
     calibration, seen, judged = None, None, None
     if workers is None:
         clock.start("landmarks that were moved")
         judged = verdict_where_costly(log, joined, at)
         wrong = () if judged is None else judged.mistakes
-        again, moved = in_their_places(dataset, wrong if len(apart) < MOST_APART else ())
-        if not moved and suspected is None and submaps and not config.join.exact and len(apart) < MOST_APART:
+        more = len(apart) + len(cut) < MOST_APART
+        every = with_hidden_jumps(wrong, as_it_is, joined, decisions) if more else ()
+        again, moved = in_their_places(dataset, every)
+        if not moved and suspected is None and submaps and not config.join.exact and more:
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
             again, moved = in_their_places(dataset, lies)
         if moved:
-            return _told(again, config, clock, workers, work, (*apart, *moved), added)
+            apart = (*apart, *(cause for cause in moved if cause.kind != "jump"))
+            return _told(again, config, clock, workers, work, apart, added, (*cut, *steps_cut(dataset, moved)))
         if config.calibrate:
             clock.start("calibration")
             calibration = calibrated(at, wrong)

@@ -81,9 +81,12 @@ def _doubted(report: Report) -> Table:
     rows = [["a name", sentence] for sentence in _of_names(found)]
     rows += [["a robot", sentence] for sentence in found.get("sentences", [])[len(rows) :]]
     note = "Put right, or left out, before this map was made." if found.get("mended") else ""
-    return Table(
-        "Not to be believed", ("what", "why"), rows, note or "Left as it is; run with --repair to put it right."
-    )
+    note = note or "Left as it is; run with --repair to put it right."
+    if not any(found.get(kind) for kind in ("labels", "mistaken", "robots")):
+        note = "Left as it is, and --repair leaves it too: nobody can say what is wrong."
+    elif found.get("themselves"):
+        note += " What contradicts itself is left as it is."
+    return Table("Not to be believed", ("what", "why"), rows, note)
 
 
 def _of_names(found: Report) -> list[str]:

@@ -102,9 +102,14 @@ def _suspicions(found: Report | None) -> Rows:
     if found is None or not found["sentences"]:
         return []
     done = "put right, or left out" if found["mended"] else "left as it is; --repair puts it right"
-    if not any(found[kind] for kind in ("mended", "labels", "mistaken", "robots", "themselves")):
-        done = "left as it is, and --repair leaves it too"  # nobody can say who is wrong
-    return [*(("suspicious", sentence) for sentence in found["sentences"]), ("", done)]
+    left = "left as it is, and --repair leaves it too"  # nobody can say what is wrong
+    if not any(found[kind] for kind in ("labels", "mistaken", "robots")):
+        done = left
+    first = len(found["sentences"]) - len(found["themselves"])
+    said, alone = found["sentences"][:first], found["sentences"][first:]
+    rows = [*(("suspicious", sentence) for sentence in said), *([("", done)] if said and done != left else [])]
+    rows += [("suspicious", sentence) for sentence in alone]
+    return [*rows, ("", left)] if alone or done == left else rows
 
 
 def _weak(components: list[Report | None]) -> Rows:

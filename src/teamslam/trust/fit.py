@@ -26,6 +26,7 @@ from teamslam.joining.build.build import CURE
 from teamslam.model import A_LOG, Dataset, Names, expect, robot_of
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
+from teamslam.trust.causes.jumps import stands_out
 from teamslam.trust.causes.noise import noise_causes
 from teamslam.trust.causes.search import mistakes_in, mistakes_of_robots
 from teamslam.trust.noise import Noise, noise_of
@@ -127,11 +128,12 @@ def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cau
 
 
 def verdict_where_costly(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> Verdict | None:
-    """The verdict where a sensor costs more than all its numbers should, as it does where there is any mistake; None
-    elsewhere, and of a map that its rows do not determine."""
+    """The verdict where a sensor costs more than all its numbers should, as it does where there is any mistake in a
+    table, or a step of odometry stands out; None elsewhere, and of a map that its rows do not determine."""
     try:
         costly = any(
-            table.loss.cost(np.sum(part.gap.system.whitened(place, part.values) ** 2, -1)).sum() > table.dof
+            table.loss.cost(np.sum((u := part.gap.system.whitened(place, part.values)) ** 2, -1)).sum() > table.dof
+            or stands_out(table, u)
             for part in at
             for place, table in enumerate(part.tables)
         )

@@ -1,5 +1,6 @@
 """The search for what a misfit looks like.
 
+    steps                     of odometry that contradict all else                           `jumps`
     each robot by itself      slips in its odometry or its sightings, its clock              `alone`
     the robots together       slips in sightings of robots, whole robots, robots' clocks     `between`
     tags                      of another size than stated                                    `sizes`
@@ -24,6 +25,7 @@ from teamslam.model import Dataset
 from teamslam.trust.cause import Cause, rows_called
 from teamslam.trust.causes.alone import SURE, Found, Mistake, mistake_of
 from teamslam.trust.causes.between import FITS, may_disagree, mistakes_between
+from teamslam.trust.causes.jumps import jumps
 from teamslam.trust.causes.places import two_places
 from teamslam.trust.causes.sizes import wrong_sizes
 from teamslam.trust.causes.stretches import busiest
@@ -41,6 +43,9 @@ def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals]) -> lis
     """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map."""
     rows = [row for part in parts for row in part.rows]
     both = list(zip(joined.components, parts, strict=True))
+    jumped = [cause for component in joined.components for cause in jumps(log, component.map)]
+    if jumped:
+        return jumped
     costly = _bad(by_landmark(rows), BAD_LANDMARK)
     sizes = [cause for component, part in both if costly for cause in wrong_sizes(log, component.map, part.rows)]
     if sizes:
