@@ -34,7 +34,7 @@ from teamslam.trust.residuals import beside_median
 SURE = 1e-12  # by chance, of all steps of a log
 OPEN = 1e-4  # by chance: what may as well be
 STANDS_OUT = 30.0  # squared, over the noise of its table: from which a step is looked at
-MOST = 8  # steps of a log
+MOST = 8  # steps of a log, below which they may be single ones
 SAMPLE = 40  # other steps of a robot, which tell how its own are off
 FARTHEST = 30  # neighbours that may be it as well
 WRONG = 20.0  # what a wrong sighting costs at most
@@ -111,6 +111,8 @@ class _Search:
             found.append(max(jumped, key=lambda jump: jump.size))
             self.out[found[-1].at][found[-1].row] = True
             held = self._held(held.there)
+        else:
+            return []  # so many single steps are no accident
         return self._likelier(
             [again for jump in found if (again := self._once_more(held, jump)) is not None], held.there
         )

@@ -1,8 +1,8 @@
 """The search for what a misfit looks like.
 
-    steps                     of odometry that contradict all else                           `jumps`
     each robot by itself      slips in its odometry or its sightings, its clock              `alone`
     the robots together       slips in sightings of robots, whole robots, robots' clocks     `between`
+    steps                     of odometry that contradict all else                           `jumps`
     tags                      of another size than stated                                    `sizes`
     landmarks                 in two places                                                  `places`
 
@@ -43,15 +43,13 @@ def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals]) -> lis
     """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map."""
     rows = [row for part in parts for row in part.rows]
     both = list(zip(joined.components, parts, strict=True))
-    jumped = [cause for component in joined.components for cause in jumps(log, component.map)]
-    if jumped:
-        return jumped
     costly = _bad(by_landmark(rows), BAD_LANDMARK)
     sizes = [cause for component, part in both if costly for cause in wrong_sizes(log, component.map, part.rows)]
     if sizes:
         return sizes
     bad = _bad(by_sensor(rows)[0], BAD_SENSOR)
     found = mistakes_of_tables(log, rows) if bad else []
+    found = found or [cause for component in joined.components for cause in jumps(log, component.map)]
     if found or not costly:
         return found
     return [cause for component, part in both for cause in two_places(log, component.map, part.rows, all_of_it=bad)]
