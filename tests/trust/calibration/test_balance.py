@@ -20,13 +20,15 @@ SHARE = 0.5  # of a component's own deviation
 
 def _settles_from_anywhere(log: Dataset) -> None:
     search, fit = searched(linear_at(AtMap(log.tables, full(log).map)))
-    choice = fit.choice
+    choice, before = fit.choice, search.scales
     search.balance(choice)
     scales, theta = search.scales, search.theta
     free = Components.of(search.slips, scales)
     free = free.only(np.append(np.ones(len(free.scaled), bool), theta > 0.0))
     found = free.logs(scales, theta)
     doubt = np.sqrt(np.diag(np.linalg.inv(search.pulled(choice, free, scales, theta)[1])))
+    scaled = len(free.scaled)
+    assert (np.abs(free.logs(before, theta) - found) < SHARE * doubt)[:scaled].all()  # whatever came after it
     for times in STARTS:
         moved = [s if slip is None else s * np.sqrt(times) for s, slip in zip(scales, search.slips, strict=True)]
         search.scales, search.theta = moved, theta * times

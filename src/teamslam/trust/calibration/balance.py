@@ -28,7 +28,7 @@ APART = 1.0  # deviation of what is expected of one scale's phi beside that of t
 MOST = 1.4  # of a logarithm in one step
 SETTLED = 0.2  # of its own deviation, by which the next step would move it at most
 BEGUN, LEAST = 0.1, 0.01  # of what is stated, on the mean of rows: where slips begin, and less than which goes out
-OWN = 0.05  # of what rows tell of a slip, that scales do not say as well: else these say it
+OWN, UNSEEN = 0.05, 0.4  # of what rows tell of a slip, that scales do not say as well: else these say it; of one unseen
 FARTHER, NEAR = 4.0, 0.5  # than by the average information; steps that show how scores bend
 
 Scored = Callable[[Array], tuple[Array, Array]]
@@ -41,8 +41,8 @@ def balanced(
     """Scales (rows,) of each table and theta (slips,) where their restricted scores vanish, from where they are.
 
     They stay where odometry's noise is as stated and no score stands out, with a false `alarm` in so many teams. A slip
-    that is next to nothing, or that scales say as well, goes out. `pulled` tells Q and A of components for scales and
-    theta.
+    that is next to nothing, or that scales say as well, goes out; so does one that they say more than half as
+    well, unless it was in or its score stands out. `pulled` tells Q and A of components for scales and theta.
     """
     free, known = Components.of(slips, scales), [slip for slip in slips if slip is not None]
     scales, theta = list(scales), theta.copy()
@@ -57,7 +57,8 @@ def balanced(
     if as_stated and stands.max() <= by_chance(alarm / len(free)):
         return scales, theta
     pace = (pulls.scores / np.maximum(np.diag(information), 1e-300))[scaled:]
-    own = np.append(np.ones(scaled, bool), told_apart(known) > OWN)
+    seen = (theta > 0.0) | (stands[scaled:] > by_chance(alarm / len(free)))
+    own = np.append(np.ones(scaled, bool), told_apart(known) > np.where(seen, OWN, UNSEEN))
     theta = np.where(theta > 0.0, theta, np.clip(pace, BEGUN * whole, whole)) * own[scaled:]
     free = free.only(own)
     while True:

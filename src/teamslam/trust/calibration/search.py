@@ -122,7 +122,8 @@ class Search:
         return pulls, pulls.information(fit)
 
     def _refine(self, choice: Choice) -> None:
-        """How errors fade of which nearly all hang together, and scales beside it, until they settle (see `fading`)."""
+        """How errors fade of which nearly all hang together, and scales beside it, until they settle (see `fading`);
+        odometry's are settled."""
         for _ in range(REFINED):
             kinds = self.lasting.items()
             which = [(kind, part) for kind, parts in kinds for part, each in enumerate(parts) if each.sharp]
@@ -130,7 +131,8 @@ class Search:
                 break
             both, before, scales = self._left(self.fit(choice=choice, differing=True)), self.lasting, self.scales
             self.left = [part[..., :1] for part in both]
-            self.scales = self._seen(self._scales(both))
+            told = zip(self.slips, scales, self._seen(self._scales(both)), strict=True)
+            self.scales = [new if slip is None else settled for slip, settled, new in told]
             held = {kind: list(parts) for kind, parts in before.items()}
             for kind, part in which:
                 held[kind][part] = refined(self.pairs[kind], self._sizes(kind, part, both, scales), before[kind][part])
