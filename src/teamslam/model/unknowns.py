@@ -27,7 +27,8 @@ class Unknown:
     once it may be moved before the rows are made again. `useful`: of a number that nobody called uncertain, which
     is moved only where rows contradict it, how well they must tell it to be said to confirm it, a standard deviation;
     0: it is always moved, as its prior allows.
-    `clock_of`: the robot by how much whose stamps are late it is; 0: it is no clock's offset."""
+    `clock_of`: the robot by how much whose stamps are late it is; 0: it is no clock's offset. `drift_of`: the robot
+    whose clock's drift it is, which is moved wherever the offset of that clock is; 0: it is none."""
 
     of: str
     name: str
@@ -38,6 +39,7 @@ class Unknown:
     most: float
     useful: float = 0.0
     clock_of: int = 0
+    drift_of: int = 0
 
 
 class Unknowns(Protocol):

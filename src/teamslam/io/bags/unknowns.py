@@ -103,11 +103,11 @@ def _place(of: str, xyz_m: float, rotation_rad: float) -> Iterator[tuple[str, Un
 def _time(what: str, k: int, j: int, of: str, stated: float, sigma: float | None) -> Iterator[Stated]:
     """A clock or latency, of which most people state nothing; then it may be anything within reason."""
     prior, useful, unit, step, most = TIMES[what]
-    clock = k + 1 if what == CLOCK else 0
+    clock, drift = (k + 1 if what == one else 0 for one in (CLOCK, DRIFT))
     if sigma is None:
-        yield Stated(what, k, j, Unknown(of, what, unit, stated, prior, step, most, useful, clock))
+        yield Stated(what, k, j, Unknown(of, what, unit, stated, prior, step, most, useful, clock, drift))
     elif sigma > 0.0:
-        yield Stated(what, k, j, Unknown(of, what, unit, stated, sigma, step, most, 0.0, clock))
+        yield Stated(what, k, j, Unknown(of, what, unit, stated, sigma, step, most, 0.0, clock, drift))
 
 
 def file_with(file: TeamFile, stated: Sequence[Stated], values: Array) -> TeamFile:

@@ -40,6 +40,7 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> No
     """The normal equations of the unknowns at the maps of all components of a log, solved. SolveError where its rows do
     not determine a map."""
     prior, stated, useful = (np.array([getattr(u, f) for u in unknowns.each]) for f in ("prior", "stated", "useful"))
+    clocks, drifts = (np.array([getattr(u, f) for u in unknowns.each]) for f in ("clock_of", "drift_of"))
     own = np.diag(prior**-2.0)
     slope = (stated - unknowns.values) / prior**2
     for at in maps:
@@ -47,7 +48,7 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> No
         own, slope = own + left, slope + pull
     own = 0.5 * (own + own.T)
     sigmas = np.sqrt(np.diag(np.linalg.inv(own)))
-    free = _free(own, slope, stated - unknowns.values, useful)
+    free = _free(own, slope, stated - unknowns.values, useful, (clocks, drifts))
     held = ~np.isin(np.arange(len(own)), free)
     covariance = np.zeros_like(own)
     covariance[np.ix_(free, free)] = np.linalg.inv(own[np.ix_(free, free)])
@@ -57,16 +58,19 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> No
     return Normal(step, covariance, held, sigmas)
 
 
-def _free(own: Array, slope: Array, back: Array, useful: Array) -> IntArray:
-    """Which unknowns are moved: all that somebody called uncertain, and those of which the rows contradict what is
-    stated; the least contradicted stays first. `back` (k,) leads to what is stated."""
+def _free(own: Array, slope: Array, back: Array, useful: Array, clocks: tuple[IntArray, IntArray]) -> IntArray:
+    """Which unknowns are moved: all that somebody called uncertain, those of which the rows contradict what is stated,
+    and drifts of clocks whose offset they contradict, since a clock that nobody set was not tuned either; the least
+    contradicted stays first. `back` (k,) leads to what is stated; `clocks` (k,) are the robots of whose clock each is
+    the offset, or the drift."""
     free = np.arange(len(own))
     while len(free):
         known = np.linalg.inv(own[np.ix_(free, free)])
         sigmas = np.sqrt(np.diag(known))
         stays = np.setdiff1d(np.arange(len(own)), free)
         step = known @ (slope[free] - own[np.ix_(free, stays)] @ back[stays])
-        against = np.where(useful[free] > 0.0, np.abs(step - back[free]) / sigmas, np.inf)
+        off = (clocks[1][free] > 0) & np.isin(clocks[1][free], clocks[0][free])
+        against = np.where((useful[free] > 0.0) & ~off, np.abs(step - back[free]) / sigmas, np.inf)
         if against.min() >= CONTRADICTS:
             break
         free = np.delete(free, int(np.argmin(against)))
