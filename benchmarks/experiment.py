@@ -6,7 +6,8 @@
 Each seed draws a room, the robots' ways and all noise: `teamslam film FOLDER/seedN --seed N --seconds 30 --images-hz 2`
 (two robots, 60 images each of 640 x 480, with noise, motion blur, distortion, a rolling shutter and an exposure that
 changes, and their depths as a Kinect measures them), and is mapped from its recordings, images and all. Films that lie
-in FOLDER already are not made again.
+in FOLDER already are not made again. The first seed is 200: the error of a point of an edge that team files of films
+state is the likeliest of eight films of seeds 0 to 9.
 """
 
 import argparse
@@ -35,6 +36,7 @@ KNOWN = Unsure(delay_s=0.0)
 UNSURE = Unsure(delay_s=0.0, xyz_m=WRONG[0], rotation_rad=WRONG[1])
 IN_TIME = StatedClock(offset_sigma_s=0.0, drift_sigma=0.0)
 SECONDS, IMAGES_HZ = 30, 2
+FIRST = 200  # seed
 METHODS = {
     "full least squares": Config(method="full"),
     "join": Config(),
@@ -84,7 +86,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only")
     asked = parser.parse_args()
-    films = [filmed(asked.folder, seed) for seed in range(asked.seeds)]
+    films = [filmed(asked.folder, seed) for seed in range(FIRST, FIRST + asked.seeds)]
     page = HEAD.format(
         command=f"python benchmarks/experiment.py FOLDER --seeds {asked.seeds}",
         what=(__doc__ or "").strip().split("\n\n")[2],
