@@ -11,6 +11,7 @@ from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
 from teamslam.metrics.contradicted import Contradiction, contradicted, told_of
 from teamslam.metrics.frames import Aligned, align_team
+from teamslam.metrics.in_world import InWorld, in_world, said_of
 from teamslam.model import Submap, Values, expect
 
 
@@ -21,7 +22,8 @@ class Report:
     `alignment` moves the map onto the truth; `basis` says what it rests on. `fit` needs no truth: it is the squared
     whitened residuals against their degrees of freedom, by the map's own account (a join takes each submap for a
     Gaussian); None where losses forgave some of them. `note` says in words why something is missing, or what makes no
-    sense. `contradicted` are landmarks that the truth has elsewhere than all others say.
+    sense. `contradicted` are landmarks that the truth has elsewhere than all others say. `in_world`, of a map that is
+    written in the world's frame, is how far it is off where nothing is aligned.
     """
 
     map: str
@@ -32,6 +34,7 @@ class Report:
     consistency: Consistency | None = None
     note: str = ""
     contradicted: tuple[Contradiction, ...] = ()
+    in_world: InWorld | None = None
 
     @property
     def robot_position_rmse_m(self) -> float | None:
@@ -87,6 +90,7 @@ class Report:
             "robots": [_fields(r) for r in scored.robots] if scored else [],
             "landmarks": [_fields(m) for m in scored.each_landmark] if scored else [],
             "contradicted": [_fields(m) for m in self.contradicted],
+            "in_world": _in_world(self.in_world) if self.in_world else None,
             "pairs": [_fields(p) | {"robots": list(p.robots)} for p in scored.pairs] if scored else [],
             "nees_per_dof": self.nees_per_dof,
             "nees": _chi_square(honest.nees) | {"frame": honest.frame} if honest else None,
@@ -115,6 +119,7 @@ def score(map: Submap, truth: Values, *, covariances: Marginals | None = None) -
         found,
         consistency=consistency(map, truth, aligned, covariances),
         contradicted=contradicted(aligned, covariances, map.names),
+        in_world=in_world(map, aligned, covariances),
     )
 
 
@@ -153,6 +158,10 @@ def _chi_square(found: ChiSquare) -> dict[str, Any]:
     return {"value": found.value, "dof": found.dof, "per_dof": found.per_dof, "band": band, "inside": found.inside}
 
 
+def _in_world(found: InWorld) -> dict[str, Any]:
+    return _fields(found) | {"nees": _chi_square(found.nees), "sentence": said_of(found)}
+
+
 def _marginal(found: MarginalNees | None) -> dict[str, Any] | None:
     return None if found is None else _fields(found)
 
@@ -178,6 +187,8 @@ def _lines(report: Report) -> Iterator[str]:
             yield f"  {'landmarks farthest off':<24} {told}"
         if report.contradicted:
             yield f"  {'truth and map disagree':<24} {told_of(report.contradicted)}"
+        if report.in_world:
+            yield f"  {'in the world':<24} {said_of(report.in_world)}"
         for p in scored.pairs:
             yield (
                 f"  robot {in_words(p.robots[1])} seen from {in_words(p.robots[0])}: RMSE "

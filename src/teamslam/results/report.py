@@ -80,6 +80,9 @@ Its fields:
                                    of several components, each aligned by itself
     contradicted                   `landmarks` that the truth has elsewhere than all others say, each with how far, and
                                    a `sentence`; null where there are none
+    in_world                       of maps that are written in the world's frame, each: errors where nothing is aligned,
+                                   how far the map is off as a whole, how well that is known, its NEES, and a
+                                   `sentence`; null where there is none
     compared                       how many `poses` and `landmarks` the truth knows, and a `note` where nothing can be
                                    compared; null where there is no truth
     robots, poses, landmarks, dropped, notes                  what went in, what the reader left out, and how it
@@ -335,6 +338,7 @@ def _errors(scores: Sequence[Report]) -> dict[str, Any]:
     odd = [found for s in scores for found in s.contradicted]
     return {
         "contradicted": {"landmarks": [asdict(found) for found in odd], "sentence": told_of(odd)} if odd else None,
+        "in_world": [s.to_dict()["in_world"] for s in scores if s.in_world] or None,
         "robot_position_rmse_m": _pooled([(a.poses, a.robot_position_rmse_m) for a in scored]),
         "landmark_rmse_m": _pooled([(a.landmarks, a.landmark_rmse_m) for a in scored]),
         "nees_per_dof": sum(found.value for found in nees) / dof if dof > 0 else None,

@@ -202,6 +202,7 @@ def _scores(report: Report) -> Rows:
     ]
     if report.get("contradicted"):
         rows.append(("truth and map disagree", report["contradicted"]["sentence"]))
+    rows += [("in the world", found["sentence"]) for found in report.get("in_world") or ()]
     if report["nees_per_dof"] is not None:
         rows.append(("NEES / dof", f"{report['nees_per_dof']:.3f} (1 where the covariances are honest)"))
     return rows
