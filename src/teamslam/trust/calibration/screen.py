@@ -94,7 +94,7 @@ def _look(
             if not (told := (table.whitening != 0.0).any(-1)).all():
                 both *= told[..., None]
             kept.append(both if which.all() else both[which])
-            yield both if table.loss.name == "squared" else both * weight[:, None, None]
+            yield both if table.loss.name == "squared" else both * _felt(table, both, weight)[:, None]
 
     steps = at.gap.factor.solve(system.pull(values, pulls()))
     tables = [table if which.all() else table.select(which) for table, which in zip(at.tables, seen, strict=True)]
@@ -104,6 +104,11 @@ def _look(
     ahead = shown.along(values, np.column_stack([steps, velocity]))
     of_seen = [weight[which] for weight, which in zip(weights, seen, strict=True)]
     return [_glance(*each) for each in zip(tables, kept, of_seen, ahead, strict=True)]
+
+
+def _felt(table: Table, both: Array, weight: Array) -> Array:
+    """What the loss weighs rows by (m, 1 + draws), each draw by its own size."""
+    return np.column_stack([weight, table.loss.weight(np.sum(both[..., 1:] ** 2, 1))])
 
 
 def _glance(table: Table, both: Array, weight: Array, ahead: Array) -> Glance:

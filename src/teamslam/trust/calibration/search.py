@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray
+from teamslam.model.losses import SQUARED
 from teamslam.trust.calibration.balance import balanced
 from teamslam.trust.calibration.choice import Choice
 from teamslam.trust.calibration.components import Components, Pulls
@@ -98,8 +99,7 @@ class Search:
             changes = [np.abs(np.log(new / old)).max() for new, old in zip(self.scales, scales, strict=True)]
             if max(changes) < SETTLED and not (self.theta.any() or theta.any()):
                 break
-        white = beside_drawn(self.linear, self.now, self.white[:, :WHITE])
-        self._hang(self.linear.by_tables(fit.left(white)))
+        self._hang(self._left(fit, self.white[:, :WHITE]))
         if choice:
             self.balance(choice)
 
@@ -129,7 +129,11 @@ class Search:
             which = [(kind, part) for kind, parts in kinds for part, each in enumerate(parts) if each.sharp]
             if not which:
                 break
-            both, before, scales = self._left(self.fit(choice=choice, differing=True)), self.lasting, self.scales
+            both, before, scales = (
+                self._left(self.fit(choice=choice, differing=True)),
+                self.lasting,
+                self.scales,
+            )
             self.left = [part[..., :1] for part in both]
             told = zip(self.slips, scales, self._seen(self._scales(both)), strict=True)
             self.scales = [new if slip is None else settled for slip, settled, new in told]
@@ -174,10 +178,23 @@ class Search:
                 out[k] = successive.whitened(root)
         return out
 
-    def _left(self, fit: Fit) -> list[Array]:
-        """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn that hang together as these
-        do, table by table."""
-        return self.linear.by_tables(fit.left(beside_drawn(self.linear, self.now, self.noise)))
+    def _left(self, fit: Fit, white: Array | None = None) -> list[Array]:
+        """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn, from `white` noise or from
+        such as hangs together as errors do, table by table."""
+        errors = beside_drawn(self.linear, self.now, self.noise if white is None else white)
+        felt = self._felt(errors)
+        return self.linear.by_tables(fit.left(errors) if felt is None else fit.left(felt) + (errors - felt))
+
+    def _felt(self, errors: Array) -> Array | None:
+        """Errors (N, 1 + draws) as a fit feels them: rows weigh as those measured do, and one drawn pulls by what its
+        own loss weighs it by, w(e) e = w(measured) felt. None where no loss forgives."""
+        if all(noise.table.loss == SQUARED for noise in self.now):
+            return None
+        felt = errors.copy()
+        for noise, left, each in zip(self.now, self.left, self.linear.by_tables(felt), strict=True):
+            if noise.table.loss != SQUARED:
+                each[..., 1:] *= (noise.weights(each[..., 1:]) / noise.weights(left))[:, None]
+        return felt
 
     def _hanging(self) -> Array:
         """White noise made to hang together as errors do by now."""
