@@ -39,7 +39,7 @@ SAMPLE = 40  # other steps of a robot, which tell how its own are off
 FARTHEST = 30  # neighbours that may be it as well
 WRONG = 20.0  # what a wrong sighting costs at most
 FORGIVING = (Loss("huber", 2.0), Loss("cauchy", 3.0))
-QUICK = Options(max_iterations=40, decrement=0.05, elsewhere=False)
+QUICK = Options(max_iterations=40, decrement=0.3, elsewhere=False)
 
 
 @dataclass(frozen=True, eq=False)
