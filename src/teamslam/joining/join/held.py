@@ -64,13 +64,15 @@ def _poses(submaps: Sequence[Submap], optimum: Optimum) -> IntArray:
 
 
 def _firmest(covariances: Covariances, values: Values, ours: IntArray, theirs: IntArray, fixed: IntArray) -> Held:
-    """How well one of their poses is known from one of ours, of all pairs the firmest."""
+    """How well one of their poses is known from one of ours: the first pair that is firm, of others the firmest."""
     found = []
     for a in ours.tolist():
         for b in theirs.tolist():
             turn, place = _sigmas(covariances, values, a, b, fixed)
             apart = float(np.linalg.norm(np.diff(values.positions(np.array([a, b]), 3), axis=0)))
             found.append(Held(True, turn, place, max(apart, 1.0)))
+            if found[-1].firm:
+                return found[-1]
     return min(found, key=lambda h: h.looseness)
 
 

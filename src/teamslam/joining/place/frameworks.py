@@ -19,9 +19,10 @@ from teamslam.joining.place.robust_fit import HINGE, PLACE_SIGMA
 from teamslam.joining.place.ties import Tied, turned_about
 from teamslam.model import chi2_quantile
 
-STARTS = 32  # a triangle falls into one of its two assemblies from nearly all of them
+STARTS = 32  # at least: a triangle falls into one of its two assemblies from nearly all of them
+EACH = 8  # for each unknown: ranges in space have dozens of minima that fit
 GENERIC = 2  # frames at which it is asked what is open: one of them might be special by chance
-SHARE = 96  # of bodies in all starts: large trusses, which are seldom, have fewer
+SHARE = 288  # of bodies in all starts: large trusses, which are seldom, have fewer
 STEPS = 60
 TRIAL = 8  # steps after which the better half goes on
 MOST_ASSEMBLIES, FEW_THAT_DO_NOT = 16, 3  # looked at, and of those that do not fit
@@ -53,8 +54,10 @@ class Truss:
         """Where the rows' cost has a minimum, by cost; mirror images and other ways to put the bodies together."""
         if not self._columns.size or not self.tied.ties:
             return []
-        frames, costs = self._solved(self._starts(min(STARTS, SHARE // self.tied.given), self.tied.reach))
-        limit = chi2_quantile(FITS, max(self._rows_that_count(frames) - len(self._columns), 1))
+        count = min(max(STARTS, EACH * len(self._columns)), SHARE // self.tied.given)
+        starts = self._starts(count, self.tied.reach)
+        limit = chi2_quantile(FITS, max(self._rows_that_count(starts) - len(self._columns), 1))
+        frames, costs = self._solved(starts, limit)
         found: list[Assembly] = []
         for s in np.argsort(costs)[np.isfinite(np.sort(costs))]:
             frame, fits = frames[s], bool(costs[s] <= limit)
@@ -112,16 +115,18 @@ class Truss:
         axes[:, 0], places[:, 0] = 0.0, 0.0
         return Pose(so3.exp(axes), places)
 
-    def _solved(self, frames: Pose) -> tuple[Pose, Array]:
-        """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,)."""
+    def _solved(self, frames: Pose, fits: float) -> tuple[Pose, Array]:
+        """Levenberg-Marquardt from all starts at once: frames (s, bodies) and their costs (s,). The worse half ends now
+        and then, but for those that cost no more than what `fits`: each may be another assembly."""
         rotation, translation = frames.rotation.copy(), frames.translation.copy()
         damping, going = np.full(len(frames), 1e-3), np.arange(len(frames))
         costs, kept = np.full(len(frames), np.inf), np.ones(len(frames), bool)
         for n in range(STEPS):
             if n and n % TRIAL == 0:
                 order = going[np.argsort(costs[going], kind="stable")]
-                going, dropped = np.sort(order[: (len(order) + 1) // 2]), order[(len(order) + 1) // 2 :]
-                kept[dropped] = False
+                worse = order[(len(order) + 1) // 2 :]
+                kept[worse[costs[worse] > fits]] = False
+                going = going[kept[going]]
             here = Pose(rotation[going], translation[going])
             hessian, gradient, cost, whiteners = self._normal(here)
             scale = np.einsum("sii->si", hessian) + 1e-9

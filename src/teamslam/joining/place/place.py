@@ -13,35 +13,23 @@ reason in words. One shared pose holds a frame; points must be two at different 
 in space, else a hinge is left.
 """
 
-import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from teamslam.geometry import IntArray, Pose
+from teamslam.geometry import Pose
 from teamslam.joining.place.chains import chains_of
-from teamslam.joining.place.frameworks import Assembly, Truss, in_their_dimension
 from teamslam.joining.place.outline import Outline, known_keys, outline_of_chain
-from teamslam.joining.place.reasons import Held, why_apart
+from teamslam.joining.place.reasons import why_apart
 from teamslam.joining.place.robust_fit import Link, link
 from teamslam.joining.place.ties import MOST, Tied
+from teamslam.joining.place.trusses import ALL_OF_THEM, Body, Judge, Trusses, frames_in, freedoms
 from teamslam.model import WORLD, Submap, Table
 from teamslam.solver import side_by_side
 
-BRANCHES = 8  # assemblies looked at: a truss in the plane has two, two trusses four
-TRUSS = 4  # clusters in a truss at most; and one of all that hang rigidly together, if these are not more than
-WHOLE = 8
-TRIES = 500  # sets of clusters looked at for a truss; only where very many hang loosely together are there more
-SOLVED = 4  # of them that are solved in all, for each chain: the search takes time in proportion to the log
-ALL_OF_THEM = 10**9  # rows: to know what is open no row is left out
-MOST_AT_ONCE = 100  # clusters whose freedoms are asked of all rows together; of more two by two
-JUDGED = 3  # assemblies of a truss that the join is asked about
-
-Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Sequence[Held]]
-"""`judge(members, bodies, frames)`: how firmly the rows themselves hold submaps, each of some body, at their optimum
-near these frames: of each body but the first."""
+BRANCHES = 16  # assemblies looked at: a truss in the plane has two, two trusses four; one by ranges in space dozens
 
 
 @dataclass(frozen=True)
@@ -64,14 +52,6 @@ class Placement:
     searched: int = 0
 
 
-@dataclass
-class _Body:
-    """Strands in one frame, while clusters grow: where each lies, and what they know together."""
-
-    placed: dict[int, Pose]
-    outline: Outline
-
-
 def place(submaps: Sequence[Submap], judge: Judge | None = None) -> Placement:
     """The frames of all submaps, by clusters. Law: with noise-free submaps every frame is exact."""
     chains = chains_of(submaps)
@@ -86,7 +66,7 @@ class _Placing:
     def __init__(
         self, submaps: Sequence[Submap], chains: Sequence[tuple[list[int], list[Pose]]], judge: Judge | None
     ) -> None:
-        self.submaps, self.chains, self.judge = submaps, chains, judge
+        self.submaps, self.chains = submaps, chains
         known = [np.unique(np.concatenate([known_keys(submaps[m]) for m in members])) for members, _ in chains]
         keys, times = np.unique(np.concatenate(known), return_counts=True)
         self.shared = keys[times > 1]
@@ -99,9 +79,7 @@ class _Placing:
             np.concatenate([outline.keys for outline in self.outlines]),
         )
         self.planar = [submaps[members[0]].base_dim == 2 for members, _ in chains]
-        self._judged: dict[tuple[int, ...], Held] = {}  # by the chains of a body
-        self._loose: set[tuple[tuple[int, ...], ...]] = set()  # bodies, by their chains, that are no truss now
-        self._left = SOLVED * len(chains)  # trusses that may still be solved
+        self.trusses = Trusses(chains, judge)
 
     @cached_property
     def raw(self) -> list[Table]:
@@ -122,7 +100,7 @@ class _Placing:
 
     def placement(self) -> Placement:
         """The assembly with the fewest clusters, with all others of it."""
-        branches: list[list[_Body]] = []
+        branches: list[list[Body]] = []
         waiting: list[tuple[int, ...]] = [()]
         while waiting and len(branches) < BRANCHES:
             choices = waiting.pop(0)
@@ -141,35 +119,32 @@ class _Placing:
             clusters.append(
                 Cluster(
                     [m for s in ordered for m in self.chains[s][0]],
-                    self._frames(ordered, body.placed),
-                    [self._frames(ordered, o) for o in same if _differ(o, body.placed)],
+                    frames_in(self.chains, ordered, body.placed),
+                    [frames_in(self.chains, ordered, o) for o in same if _differ(o, body.placed)],
                 )
             )
-        return Placement(clusters, self._reasons(best), SOLVED * len(self.chains) - self._left)
+        return Placement(clusters, self._reasons(best), self.trusses.searched)
 
-    def _frames(self, ordered: Sequence[int], placed: dict[int, Pose]) -> list[Pose]:
-        return [placed[s] @ frame for s in ordered for frame in self.chains[s][1]]
-
-    def _lone(self, body: _Body) -> bool:
+    def _lone(self, body: Body) -> bool:
         """Whether it is one pose from which nothing is known: such come last, as nobody's frame."""
         members = [m for s in body.placed for m in self.chains[s][0]]
         return len(members) == 1 and not self.submaps[members[0]].dof
 
     # --- growth -----------------------------------------------------------------------------------------------
 
-    def _grown(self, choices: Sequence[int]) -> tuple[list[_Body], list[int]]:
+    def _grown(self, choices: Sequence[int]) -> tuple[list[Body], list[int]]:
         """The clusters, taking of the truss met as n-th the assembly number choices[n] (0 beyond); and how many
         assemblies each truss had."""
         # Planar robots share the ground, which must be the frame where robots of both kinds meet.
         order = sorted(
             range(len(self.chains)), key=lambda s: (not self.planar[s], self.submaps[self.chains[s][0][0]].base)
         )
-        bodies = [_Body({s: Pose.identity(2 if self.planar[s] else 3)}, self.outlines[s]) for s in order]
+        bodies = [Body({s: Pose.identity(2 if self.planar[s] else 3)}, self.outlines[s]) for s in order]
         ways: list[int] = []
-        self._loose.clear()
+        self.trusses.begin()
         while True:
             bodies = self._merged(bodies)
-            truss = self._truss(bodies)
+            truss = self.trusses.among(bodies, self._tied(bodies), self._flat(bodies)) if len(bodies) > 1 else None
             if truss is None:
                 break
             places, found = truss
@@ -181,7 +156,7 @@ class _Placing:
             bodies = [whole if n == places[0] else b for n, b in enumerate(bodies) if n not in places[1:]]
         return [self._looked_again(body) for body in bodies], ways
 
-    def _merged(self, bodies: list[_Body]) -> list[_Body]:
+    def _merged(self, bodies: list[Body]) -> list[Body]:
         """Pairs that hold joined, the firmest first, until none is left."""
         waiting, done = list(bodies), []
         while waiting:
@@ -204,82 +179,18 @@ class _Placing:
             done.append(root)
         return done
 
-    def _link(self, cluster: _Body, body: _Body) -> Link:
+    def _link(self, cluster: Body, body: Body) -> Link:
         return link(cluster.outline, body.outline, self.planar[next(iter(body.placed))])
 
-    def _tied(self, bodies: Sequence[_Body]) -> Tied:
+    def _tied(self, bodies: Sequence[Body]) -> Tied:
         """The bodies with all rows between them."""
         outlines = [Outline.of(*(self.bare[s].move(frame) for s, frame in body.placed.items())) for body in bodies]
         return Tied.of(outlines, self._flat(bodies), self.raw)
 
-    def _flat(self, bodies: Sequence[_Body]) -> list[bool]:
+    def _flat(self, bodies: Sequence[Body]) -> list[bool]:
         return [self.planar[next(iter(body.placed))] for body in bodies]
 
-    def _truss(self, bodies: list[_Body]) -> tuple[tuple[int, ...], list[list[Pose]]] | None:
-        """The smallest set of bodies that are rigid together, and their frames in every assembly that fits."""
-        if len(bodies) == 1:
-            return None
-        tied, flat = self._tied(bodies), self._flat(bodies)
-        for places in itertools.islice(_candidates(tied), TRIES):
-            if not self._left:
-                break
-            truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
-            which = tuple(tuple(body.placed) for body in inside)
-            if which in self._loose or not truss.may_be_rigid():
-                continue
-            self._left -= 1
-            held, frames = self._held(inside, truss.assemblies(), [flat[n] for n in places])
-            if held:
-                return tuple(places[n] for n in held), frames
-            self._loose.add(which)
-        return None
-
-    def _held(
-        self, bodies: Sequence[_Body], found: Sequence[Assembly], flat: Sequence[bool]
-    ) -> tuple[list[int], list[list[Pose]]]:
-        """Which of the bodies are held together, and their frames in the assemblies that fit, where one of them is
-        rigid: what fits better counts as well, though a direction seems loose there, for the join decides by cost.
-        Where none is rigid, those that the judge says are."""
-        frames = [in_their_dimension(a.frames, flat) for a in found]
-        rigid = [n for n, a in enumerate(found) if a.fits and not a.nullity]
-        if not rigid:
-            return self._by_judge(bodies, frames[:JUDGED])
-        ways = [frames[n] for n, a in enumerate(found) if n in rigid or (a.fits and n < rigid[0])]
-        return list(range(len(bodies))), ways
-
-    def _by_judge(
-        self, bodies: Sequence[_Body], assemblies: Sequence[list[Pose]]
-    ) -> tuple[list[int], list[list[Pose]]]:
-        """The bodies that the rows themselves hold, where they fit, and their frames: all of them, or where one hangs
-        loosely the others."""
-        judged = [(frames, self._asked(bodies, frames)) for frames in assemblies if self.judge is not None]
-        firm = [frames for frames, holds in judged if all(h.fits and h.firm for h in holds)]
-        if firm:
-            return list(range(len(bodies))), firm
-        for frames, holds in judged:
-            held = [0, *(n for n, h in enumerate(holds, 1) if h.fits and h.firm)]
-            fewer, at = [bodies[n] for n in held], [frames[n] for n in held]
-            if len(held) > 1 and all(h.fits and h.firm for h in self._asked(fewer, at)):
-                return held, [at]
-        return [], []
-
-    def _asked(self, bodies: Sequence[_Body], frames: Sequence[Pose]) -> Sequence[Held]:
-        """What the judge says of bodies near some frames, which is remembered."""
-        assert self.judge is not None
-        which: list[int] = []
-        of: list[int] = []
-        stand: list[Pose] = []
-        for n, (frame, body) in enumerate(zip(frames, bodies, strict=True)):
-            members = [m for s in body.placed for m in self.chains[s][0]]
-            which, of = which + members, of + [n] * len(members)
-            stand += [frame @ pose for pose in self._frames(list(body.placed), body.placed)]
-        holds = self.judge(which, of, stand)
-        for body, held in zip(bodies, [min(holds, key=_merit), *holds], strict=True):
-            known = self._judged.get(tuple(body.placed), held)
-            self._judged[tuple(body.placed)] = min(held, known, key=_merit)
-        return holds
-
-    def _looked_again(self, body: _Body) -> _Body:
+    def _looked_again(self, body: Body) -> Body:
         """Every chain but the root fitted once more, to all the others: early links saw only part of them."""
         placed = dict(body.placed)
         for s in list(placed)[1:]:
@@ -289,7 +200,7 @@ class _Placing:
             found = link(Outline.of(*rest), self.outlines[s], self.planar[s])
             if found.holds:
                 placed[s] = found.frame
-        return _Body(placed, body.outline)
+        return Body(placed, body.outline)
 
     def _met(self, s: int) -> list[int]:
         """The chains that share something with chain s."""
@@ -298,37 +209,21 @@ class _Placing:
 
     # --- words ------------------------------------------------------------------------------------------------
 
-    def _reasons(self, bodies: Sequence[_Body]) -> list[str]:
+    def _reasons(self, bodies: Sequence[Body]) -> list[str]:
         """Why each cluster but the first stands alone."""
         if len(bodies) == 1:
             return []
         tied, out = self._tied(bodies), []
-        meets, free = tied.meetings(), _freedoms(tied)
+        meets, free = tied.meetings(), freedoms(tied)
         for number, body in enumerate(bodies[1:], 1):
             first = next(iter(body.placed))
             others = [n for n in range(len(bodies)) if n != number]
             # Nearest to being held.
             closest = min(others, key=lambda n: (free[n, number], -meets[n, number], n))
-            told = self._judged.get(tuple(body.placed))
+            told = self.trusses.told(body)
             around = tied.among([closest, number, *(n for n in others if n != closest)], ALL_OF_THEM)
             out.append(why_apart(self.submaps[self.chains[first][0][0]], around, int(free[closest, number]), told))
         return out
-
-
-def _freedoms(tied: Tied) -> IntArray:
-    """How many directions are open between each two bodies (n, n) wherever they may be, by all rows; of very many
-    bodies two by two."""
-    n = tied.given
-    if n <= MOST_AT_ONCE:
-        return Truss(tied.among(range(n), ALL_OF_THEM)).freedoms()
-    rows, out = tied.meetings(), np.full((n, n), 6)
-    for a, b in np.argwhere(np.triu(rows[:n, :n] + rows[:n, n:] @ rows[n:, :n], 1)).tolist():
-        out[a, b] = out[b, a] = Truss(tied.among([a, b], ALL_OF_THEM)).freedoms()[0, 1]
-    return out
-
-
-def _merit(held: Held) -> tuple[bool, float]:
-    return not held.fits, held.looseness
 
 
 def _nothing() -> Outline:
@@ -337,39 +232,13 @@ def _nothing() -> Outline:
     return Outline(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), flags, empty, empty, flags)
 
 
-def _attached(cluster: _Body, body: _Body, frame: Pose) -> _Body:
+def _attached(cluster: Body, body: Body, frame: Pose) -> Body:
     placed = {**cluster.placed, **{s: frame @ own for s, own in body.placed.items()}}
-    return _Body(placed, Outline.of(cluster.outline, body.outline.move(frame)))
+    return Body(placed, Outline.of(cluster.outline, body.outline.move(frame)))
 
 
 def _differ(one: dict[int, Pose], other: dict[int, Pose]) -> bool:
     return any(np.abs(one[s].minus(other[s])).max() > 1e-3 for s in one)
-
-
-def _candidates(tied: Tied) -> Iterator[tuple[int, ...]]:
-    """Sets of bodies that may be rigid together, small sets first: pairs, those with most rows before others; three and
-    more of which each is tied to two others, or to one by several rows; all that hang rigidly together.
-
-    What all rows together leave open, those between some bodies do: no set reaches beyond bodies that cannot move
-    against each other when all are there.
-    """
-    n = tied.given
-    rows = tied.meetings()
-    # The world and landmarks that are bodies tie those that they meet.
-    by_others = rows[:n, n:] @ rows[n:, :n]
-    ties = rows[:n, :n] + np.where(by_others > 0, 1.0, 0.0)
-    np.fill_diagonal(ties, 0.0)
-    rigid = _freedoms(tied) == 0 if n <= MOST_AT_ONCE else np.ones((n, n), bool)
-    pairs = sorted(itertools.combinations(range(n), 2), key=lambda pair: -ties[pair])
-    yield from (pair for pair in pairs if ties[pair] and rigid[pair])
-    around = np.flatnonzero((np.minimum(ties, 2).sum(1) >= 2) & (rigid.sum(1) > 2))
-    for size in range(3, TRUSS + 1):
-        for places in itertools.combinations(around.tolist(), size):
-            if rigid[places[0], places].all() and (np.minimum(ties[np.ix_(places, places)], 2).sum(1) >= 2).all():
-                yield places
-    for whole in sorted({tuple(np.flatnonzero(of).tolist()) for of in rigid} if n <= MOST_AT_ONCE else ()):
-        if TRUSS < len(whole) <= WHOLE:
-            yield whole
 
 
 def _spread(table: Table, count: int) -> Table:
