@@ -25,7 +25,7 @@ from teamslam.joining.place.outline import Outline, known_keys, outline_of_chain
 from teamslam.joining.place.reasons import why_apart
 from teamslam.joining.place.robust_fit import Link, link
 from teamslam.joining.place.ties import MOST, Tied
-from teamslam.joining.place.trusses import ALL_OF_THEM, Body, Judge, Trusses, frames_in, freedoms
+from teamslam.joining.place.trusses import ALL_OF_THEM, Body, Found, Judge, Trusses, frames_in, freedoms
 from teamslam.model import WORLD, Submap, Table
 from teamslam.solver import side_by_side
 
@@ -80,6 +80,7 @@ class _Placing:
         )
         self.planar = [submaps[members[0]].base_dim == 2 for members, _ in chains]
         self.trusses = Trusses(chains, judge)
+        self._met_before: dict[tuple[int, ...], Found | None] = {}  # by the assemblies chosen of those before
 
     @cached_property
     def raw(self) -> list[Table]:
@@ -144,11 +145,12 @@ class _Placing:
         self.trusses.begin()
         while True:
             bodies = self._merged(bodies)
-            truss = self.trusses.among(bodies, self._tied(bodies), self._flat(bodies)) if len(bodies) > 1 else None
+            chosen = (*choices, *(0,) * len(ways))[: len(ways)]
+            truss = self._truss(bodies, chosen)
             if truss is None:
                 break
             places, found = truss
-            frames = found[choices[len(ways)] if len(ways) < len(choices) else 0]
+            frames = found[(*choices, *(0,) * (len(ways) + 1))[len(ways)]]
             ways.append(len(found))
             whole = bodies[places[0]]
             for at, frame in zip(places[1:], frames[1:], strict=True):
@@ -181,6 +183,14 @@ class _Placing:
 
     def _link(self, cluster: Body, body: Body) -> Link:
         return link(cluster.outline, body.outline, self.planar[next(iter(body.placed))])
+
+    def _truss(self, bodies: Sequence[Body], chosen: tuple[int, ...]) -> Found | None:
+        """The truss that is met where of those before it these assemblies were `chosen`; what is left to be searched
+        with when a branch comes by again has no say in it."""
+        if chosen not in self._met_before:
+            found = self.trusses.among(bodies, self._tied(bodies), self._flat(bodies)) if len(bodies) > 1 else None
+            self._met_before[chosen] = found
+        return self._met_before[chosen]
 
     def _tied(self, bodies: Sequence[Body]) -> Tied:
         """The bodies with all rows between them."""

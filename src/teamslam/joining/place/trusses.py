@@ -31,6 +31,7 @@ JUDGED = 3  # assemblies of a truss that the join is asked about
 
 T = TypeVar("T")
 Chains = Sequence[tuple[list[int], list[Pose]]]
+Found = tuple[tuple[int, ...], list[list[Pose]]]  # places of bodies that are a truss, their frames in each assembly
 Which = tuple[tuple[int, ...], ...]  # bodies by their chains
 
 Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Sequence[Held]]
@@ -70,9 +71,7 @@ class Trusses:
         """How the join said that a body is held, where it was asked."""
         return self._judged.get(tuple(body.placed))
 
-    def among(
-        self, bodies: Sequence[Body], tied: Tied, flat: Sequence[bool]
-    ) -> tuple[tuple[int, ...], list[list[Pose]]] | None:
+    def among(self, bodies: Sequence[Body], tied: Tied, flat: Sequence[bool]) -> Found | None:
         """The smallest set of bodies that are rigid together, and their frames in every assembly that fits; where none
         is, one that the join says is held. Few rows fit many assemblies of two bodies, of which three leave one: so a
         set that fits in one way is asked about first, then the largest."""
