@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stress.claims import WEAK_PLACE, at_odds, is_true, turns_in_the_world, weak
+from stress.claims import BEYOND, WEAK_PLACE, at_odds, is_true, turns_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.maps import rows_of
@@ -149,6 +149,14 @@ def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Orac
         return
     if lost.reason.endswith("the log is cut there"):
         _steps(lost, rows, outcome, findings)
+        return
+    if "with them no optimum was found, and the map of the rest has them far off" in lost.reason:
+        wrong = [np.abs(t.whitened(oracle.truth)).max(-1) > BEYOND for t in rows]
+        findings.check("left out: rows that contradict the rest", bool(np.concatenate(wrong).any()), lost)
+        return
+    if "nearer to the sensor than the map knows" in lost.reason:
+        near = all(_nearer_than_known(oracle, *(int(k) for k in pair)) for t in rows for pair in t.keys)
+        findings.check("left out: rows from nearer than is known", near, lost)
         return
     maps = [c.map.all_values.layout for c in outcome.components]
     inside = [row for t in rows for layout in maps for row in t.keys[t.told_by(layout)].tolist()]

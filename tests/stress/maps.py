@@ -46,8 +46,9 @@ def _is_joined(component: Component) -> bool:
 
 
 def rows_of(submap: Submap, log: Dataset) -> Iterable[Table]:
-    """The rows of the log that a map says it holds, and whose variables it has: what was measured in the world among
-    them only where the map is in the world's frame (see `account` for whether it should be)."""
+    """The rows of the log that a map says it holds, and whose variables it has, but for those that still wait: what was
+    measured in the world among them only where the map is in the world's frame (see `account` for whether it should
+    be)."""
     for table in log.tables:
         keep = np.zeros(len(table), bool)
         if table.row.unary and submap.base != WORLD:
@@ -55,7 +56,8 @@ def rows_of(submap: Submap, log: Dataset) -> Iterable[Table]:
         for stretch in submap.sources:
             if (stretch.robot, stretch.source) == (table.robot, table.source):
                 keep |= (table.ids >= stretch.start) & (table.ids < stretch.stop)
-        keep &= np.isin(table.keys, submap.keys).all(1)
+        waiting = [t.ids for t in submap.raw if (t.robot, t.source) == (table.robot, table.source)]
+        keep &= np.isin(table.keys, submap.keys).all(1) & ~np.isin(table.ids, np.concatenate([[], *waiting]))
         if keep.any():
             yield table.select(keep)
 
