@@ -98,3 +98,23 @@ def test_what_is_weak_and_what_to_look_at_stand_on_the_page() -> None:
     assert drawn(firm)["parts"][0]["weakest"] == ""
     assert not {"What is known least", "What to look at next", "Not to be believed"} & tables(firm).keys()
     assert "look next" not in [name for name, _ in outcome(firm.report)]
+
+
+@pytest.mark.parametrize("mended", [False, True])
+def test_of_what_contradicts_itself_nothing_is_said_to_be_put_right(rejecting: Record, mended: bool) -> None:
+    """Names are put right by --repair; a robot's own measurements are left as they are, with it and without."""
+    names, own = ["robot 1 exchanged them"], ["robot 2's own measurements contradict each other"]
+    found: dict[str, object] = {key: [] for key in ("labels", "mistaken", "robots")} | {
+        "themselves": {"2": 1e-9},
+        "mended": mended,
+    }
+
+    def said(labels: list[str]) -> list[str]:
+        told = found | {"labels": labels, "sentences": [*labels, *own]}
+        rows = [value for _, value in outcome({**rejecting.report, "suspicions": told})]
+        return rows[rows.index([*labels, *own][0]) :][: 2 * len(labels) + 2]
+
+    left = "left as it is, and --repair leaves it too"
+    done = "put right, or left out" if mended else "left as it is; --repair puts it right"
+    assert said([]) == [*own, left]
+    assert said(names) == [*names, done, *own, left]
