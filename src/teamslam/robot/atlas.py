@@ -16,6 +16,7 @@ import numpy as np
 from teamslam.errors import SolveError, TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.joining import Joined, build, condense, join, separators
+from teamslam.joining.start.blunt import levelled
 from teamslam.model import Dataset, Submap
 from teamslam.robot.anew import Linearised
 from teamslam.solver import Options
@@ -113,7 +114,7 @@ class Atlas:
         there are none, or no map can be made of them."""
         for shorts in (self.short.values(), [short for short in self.short.values() if short.own]):
             try:
-                return join(short.submap for short in shorts) if shorts else None
+                return _with_levels([short.submap for short in shorts]) if shorts else None
             except TeamslamError:
                 continue
         return None
@@ -126,6 +127,18 @@ class Atlas:
     def map_with(self, pose: int) -> Submap | None:
         """The part of the map that holds a pose."""
         return next((part for part in self.parts if pose in part.keys), None)
+
+
+def _with_levels(submaps: Sequence[Submap]) -> Joined:
+    """Their map, with the landmarks that lie on a level with all who range them where that is known to second order."""
+    joined = join(submaps)
+    found = submaps
+    for component in joined.components:
+        try:
+            found = levelled(found, component.map)
+        except SolveError:  # a map that only just holds: as it is
+            continue
+    return joined if found is submaps else join(found, near=joined)
 
 
 def _condensed(submap: Submap, keep: IntArray) -> Submap:

@@ -22,7 +22,7 @@ import numpy as np
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.start.triangulate import Bundle, kinds_of
 from teamslam.model import WORLD, Dataset, Kind, Names, Submap, Table, Values, is_landmark, robot_of
-from teamslam.solver import System
+from teamslam.solver import SubmapTerm, System
 
 SOURCE = "levels"  # of the rows that say so
 STEPS = 3
@@ -56,6 +56,28 @@ class Blunt:
 def blunt(log: Dataset, joined: Submap) -> list[Blunt]:
     """The landmarks of a log that are nothing but ranged, by poses of a map, and across which these ranges are blunt;
     but for those that even so may be about as far across as they are away."""
+    found = _alone(log, joined)
+    return _in_the_team(found, log, joined, ()) if found else []
+
+
+def levelled(submaps: Sequence[Submap], joined: Submap) -> Sequence[Submap]:
+    """Submaps with what second order tells of landmarks that are nothing but ranged, by rows that travel with them and
+    in their map `joined` still wait: as rows that travel with the submap of the nearest pose that ranged each. The same
+    where there is nothing of the kind."""
+    waiting = [t.select(~joined.all_values.layout.contains(t.keys[:, -1])) for t in joined.raw]
+    tables = tuple(t for t in waiting if len(t))
+    log = Dataset({t.robot: t.dim for t in tables}, tables, joined.names)
+    found = _alone(log, joined) if tables else []
+    found = _in_the_team(found, log, joined, [SubmapTerm.of(joined)]) if found else []
+    given = list(submaps)
+    for table in with_levels(log, found, joined.all_values).tables[len(tables) :]:
+        n = next(n for n, submap in enumerate(given) if submap.all_values.layout.contains(table.keys[0, 0]))
+        given[n] = replace(given[n], raw=(*given[n].raw, table))
+    return given if found else submaps
+
+
+def _alone(log: Dataset, joined: Submap) -> list[Blunt]:
+    """The same, were all else known."""
     values = joined.all_values
     tables = [table for table in log.tables if is_landmark(table.keys[:, -1]).any()]
     otherwise = [t.keys[:, -1] for t in tables if t.model != "range" or t.row.unary]
@@ -66,8 +88,7 @@ def blunt(log: Dataset, joined: Submap) -> list[Blunt]:
         return []
     layout = kinds_of(seen)
     kinds = (Kind.POINT2, Kind.POINT3)
-    found = [one for kind in kinds for one in _by_itself(layout.keys_of(kind), seen, values, kind.dim)]
-    return _in_the_team(found, log, joined) if found else []
+    return [one for kind in kinds for one in _by_itself(layout.keys_of(kind), seen, values, kind.dim)]
 
 
 def _by_itself(keys: IntArray, tables: Sequence[Table], values: Values, dim: int) -> Iterator[Blunt]:
@@ -93,16 +114,16 @@ def _by_itself(keys: IntArray, tables: Sequence[Table], values: Values, dim: int
             yield Blunt(int(keys[n]), places[n], across[n], sigma, farthest, observer, int(bundle.seen[n]))
 
 
-def _in_the_team(found: Sequence[Blunt], log: Dataset, joined: Submap) -> list[Blunt]:
-    """The same with what is known of all else, so that errors of the ways are no ranges' own; without those that it
-    leaves as far across as `farthest_m`."""
+def _in_the_team(found: Sequence[Blunt], log: Dataset, joined: Submap, terms: Sequence[SubmapTerm]) -> list[Blunt]:
+    """The same with what is known of all else, so that errors of the ways are no ranges' own: by the log, and by what
+    `terms` hold of it; without those that it leaves as far across as `farthest_m`."""
     known, fixed = (joined.values, []) if joined.base == WORLD else (joined.all_values, [joined.base])
     held = reduce(Values.update, (_placed(one, one.place) for one in found), known)
     tables = [
         t.select(np.flatnonzero(held.layout.contains(t.keys).all(1))) for t in with_levels(log, found, known).tables
     ]
     tables = [t for t in tables if len(t)]
-    system = System(held.layout, tables=tables, fixed=np.array(fixed, np.int64), names=joined.names)
+    system = System(held.layout, tables=tables, submaps=terms, fixed=np.array(fixed, np.int64), names=joined.names)
     factor = system.factor(held)
     factor.factorise(system.linearise(held).hessian.numbers)
     jacobians = [system.jacobian(n, held) for n in range(len(tables))]
