@@ -1,4 +1,4 @@
-"""A right model is left alone under losses that forgive as well: what they weigh rows by is no news about their noise."""
+"""A right model is left alone under losses that forgive as well: what they weigh rows by is no news of their noise."""
 
 import pytest
 
