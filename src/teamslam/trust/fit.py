@@ -181,8 +181,11 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     lost = {int(robot) for out in joined.left_out for robot in robot_of(out.keys) if robot > 0}
     told = {robot for cause in causes for robot in cause.robots}
     of_lost = mistakes_of_robots(dataset, lost - told)
-    in_map = any(not lost.issuperset(cause.robots) for cause in causes)
-    level = "misfit" if in_map or (refused(rows) and not far) else _level(cost - decrease, expected, (low, high))
+    level = _level(cost - decrease, expected, (low, high))
+    in_map = [cause for cause in causes if not lost.issuperset(cause.robots)]
+    slight = level == "fits" and all(cause.kind == "landmark" for cause in in_map)  # a landmark of many is in two places
+    if (in_map and not slight) or (refused(rows) and not far):
+        level = "misfit"
     poor = level in ("strained", "misfit")
     if far:
         level = "strained"  # the map is, by its join, though its measurements may agree
