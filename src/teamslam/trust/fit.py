@@ -183,7 +183,9 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     of_lost = mistakes_of_robots(dataset, lost - told)
     level = _level(cost - decrease, expected, (low, high))
     in_map = [cause for cause in causes if not lost.issuperset(cause.robots)]
-    slight = level == "fits" and all(cause.kind == "landmark" for cause in in_map)  # a landmark of many is in two places
+    slight = level == "fits" and all(
+        cause.kind == "landmark" for cause in in_map
+    )  # a landmark of many is in two places
     if (in_map and not slight) or (refused(rows) and not far):
         level = "misfit"
     poor = level in ("strained", "misfit")
