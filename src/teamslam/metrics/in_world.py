@@ -14,9 +14,10 @@ import numpy as np
 from teamslam.geometry import Array, IntArray
 from teamslam.metrics.consistency import ChiSquare, Marginals
 from teamslam.metrics.frames import Aligned
-from teamslam.model import WORLD, Submap, is_pose
+from teamslam.model import WORLD, Submap, chi2_quantile, is_pose
 
 MOST = 60  # places of which the mean is taken, spread evenly over all: their joint covariance is no small matter
+CHANCE = 0.001  # of honest maps are as far off, or farther, as what is said not to be by chance
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,8 @@ def said_of(found: InWorld) -> str:
     """The same in words."""
     rms = (("robots", found.robot_position_rmse_m), ("landmarks", found.landmark_rmse_m))
     each = ", ".join(f"{what} {value:.4f} m" for what, value in rms if value is not None)
-    sure = (
-        "as it may be by chance" if found.nees.inside or found.nees.value < found.nees.dof else "which is not by chance"
-    )
+    by_chance = found.nees.value < chi2_quantile(1.0 - CHANCE, found.nees.dof)
+    sure = "as it may be by chance" if by_chance else "which is not by chance"
     return f"{each} without alignment; as a whole {found.off_m:.2g} m off, known to {found.sigma_m:.2g} m, {sure}"
 
 

@@ -8,7 +8,7 @@
 
 A misfit is one of three things: the cost is more than GROSS times what is expected (residuals three times as large as
 stated, on the whole); so large are those of half the rows of some sensor of a robot, though a robust loss may forgive
-them one by one; or a mistake in the log was found (see `causes`).
+them one by one; or a mistake in the log was found (see `causes`), but for landmarks in two places where the cost fits.
 What a join's own approximation adds to the cost is never held against the log; a map that is far off by it alone is
 `strained`, and no causes are sought: residuals there tell of the join, and of no log.
 """
@@ -183,9 +183,7 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     of_lost = mistakes_of_robots(dataset, lost - told)
     level = _level(cost - decrease, expected, (low, high))
     in_map = [cause for cause in causes if not lost.issuperset(cause.robots)]
-    slight = level == "fits" and all(
-        cause.kind == "landmark" for cause in in_map
-    )  # a landmark of many is in two places
+    slight = level == "fits" and all(cause.kind == "landmark" for cause in in_map)
     if (in_map and not slight) or (refused(rows) and not far):
         level = "misfit"
     poor = level in ("strained", "misfit")

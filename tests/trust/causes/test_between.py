@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teamslam.joining.place.frameworks import Assembly, Truss
-from teamslam.joining.place.place import SOLVED
+from teamslam.joining.place.trusses import SOLVED
 from teamslam.trust.causes.between import TRUSSES_A_ROBOT, mistakes_between
 from worlds import team
 

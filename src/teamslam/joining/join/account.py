@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import BoolArray, IntArray
-from teamslam.joining.join.bystanders import Bystander, without_bystanders
+from teamslam.joining.join.bystanders import Bystander, of_these, without_bystanders
 from teamslam.joining.join.join import Joined
 from teamslam.joining.join.nearer import nearer_than_known
 from teamslam.joining.join.second_places import second_places, sentences, undecided
@@ -85,9 +85,7 @@ def _without_lone(log: Dataset, joined: Joined) -> tuple[Joined, list[Unbuilt]]:
     ]
     if not any(held):
         raise SolveError(lone[0].reason)
-    kept = [n for n, holds in enumerate(held) if holds]
-    components = tuple(joined.components[n] for n in kept)
-    return replace(joined, components=components, reasons=tuple(reasons[n] for n in kept[1:])), lone
+    return of_these(joined, held), lone
 
 
 def _alone(log: Dataset, lone: Submap, reason: str) -> Unbuilt:

@@ -33,7 +33,7 @@ def without_bystanders(joined: Joined) -> tuple[Joined, list[Bystander]]:
     stood_by = [len(_poses(m)) == 1 and bool(np.isin(_landmarks(m), placed).all()) and bool(m.dof) for m in maps]
     poses = np.concatenate([np.zeros(0, np.int64), *(_poses(m) for m, by in zip(maps, stood_by, strict=True) if by)])
     found = [_bystander(poses[robot_of(poses) == robot]) for robot in np.unique(robot_of(poses)).tolist()]
-    return _of_these(joined, [not by for by in stood_by]), found
+    return of_these(joined, [not by for by in stood_by]), found
 
 
 def _bystander(poses: IntArray) -> Bystander:
@@ -48,7 +48,7 @@ def _landmarks(map: Submap) -> IntArray:
     return np.asarray(map.keys[is_landmark(map.keys)])
 
 
-def _of_these(joined: Joined, held: Sequence[bool]) -> Joined:
+def of_these(joined: Joined, held: Sequence[bool]) -> Joined:
     """The join with those of its components that are held; the first of them needs no reason."""
     kept, reasons = [n for n, holds in enumerate(held) if holds], ("", *joined.reasons)
     components = tuple(joined.components[n] for n in kept)

@@ -42,22 +42,7 @@ def without_contradictions(
         rest = Optimum.near(members, found.shared.values, kept, found.fixed, options)
     except SolveError:
         return None
-    return _with_right_ones(members, replace(rest, aside=tuple(aside)), options)
-
-
-def _with_right_ones(members: Sequence[Member], rest: Optimum, options: Options) -> Optimum:
-    """The same with those of the rows aside that are as near to the map of the rest as right ones are, where that has
-    an optimum: they were off where a loss forgave them, or in the way of the search's start alone."""
-    right = [_near(table, rest) for table in rest.aside]
-    back = [t.select(m) for t, m in zip(rest.aside, right, strict=True) if m.any()]
-    if not back:
-        return rest
-    try:
-        whole = Optimum.near(members, rest.shared.values, [*rest.used, *back], rest.fixed, options)
-    except SolveError:
-        return rest
-    aside = tuple(t.select(~m) for t, m in zip(rest.aside, right, strict=True) if not m.all())
-    return replace(whole, aside=aside) if whole.shared.converged else rest
+    return replace(rest, aside=tuple(aside))
 
 
 def _forgiving(submap: Submap) -> Submap:

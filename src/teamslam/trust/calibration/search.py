@@ -129,11 +129,7 @@ class Search:
             which = [(kind, part) for kind, parts in kinds for part, each in enumerate(parts) if each.sharp]
             if not which:
                 break
-            both, before, scales = (
-                self._left(self.fit(choice=choice, differing=True)),
-                self.lasting,
-                self.scales,
-            )
+            both, before, scales = self._left(self.fit(choice=choice, differing=True)), self.lasting, self.scales
             self.left = [part[..., :1] for part in both]
             told = zip(self.slips, scales, self._seen(self._scales(both)), strict=True)
             self.scales = [new if slip is None else settled for slip, settled, new in told]
