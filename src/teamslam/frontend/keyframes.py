@@ -55,7 +55,7 @@ class Stream:
 
 def is_increment(table: Table) -> bool:
     """True for odometry given as increments between a robot's own poses."""
-    if table.source != "odometry" or table.model != "relative_pose":
+    if not table.is_odometry:
         return False
     return bool((is_pose(table.keys) & (robot_of(table.keys) == table.robot)).all())
 

@@ -102,6 +102,11 @@ class Table(Sealed):
         """Which of its keys (m, 2 or 1) are poses of the robot that measured."""
         return np.asarray(robot_of(self.keys) == self.robot)
 
+    @property
+    def is_odometry(self) -> bool:
+        """Whether it is how robots themselves moved that is measured, step by step."""
+        return self.source == "odometry" and self.model == "relative_pose"
+
     @cached_property
     def dof(self) -> int:
         """Numbers measured in all: rows of the whitened residual, without those that say nothing."""

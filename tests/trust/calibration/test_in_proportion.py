@@ -15,14 +15,14 @@ from teamslam.model import Dataset, Kind, Table, Values, index_of, pose_key
 from teamslam.pipeline import run
 from teamslam.trust.calibration.estimate import searched
 from teamslam.trust.calibration.noise import Noise
-from teamslam.trust.calibration.rows import is_odometry, linear_at
+from teamslam.trust.calibration.rows import linear_at
 from trust.calibration.faulty import persistent, team
 
 PARTS: Mapping[str, Callable[[Table], Array]] = {
-    "odometry": lambda table: np.full(table.whitening.shape[-1], is_odometry(table)),
-    "sightings": lambda table: np.full(table.whitening.shape[-1], not is_odometry(table)),
-    "ranges": lambda table: np.arange(table.whitening.shape[-1]) == (-1 if is_odometry(table) else 0),
-    "bearings": lambda table: np.arange(table.whitening.shape[-1]) == (-1 if is_odometry(table) else 1),
+    "odometry": lambda table: np.full(table.whitening.shape[-1], table.is_odometry),
+    "sightings": lambda table: np.full(table.whitening.shape[-1], not table.is_odometry),
+    "ranges": lambda table: np.arange(table.whitening.shape[-1]) == (-1 if table.is_odometry else 0),
+    "bearings": lambda table: np.arange(table.whitening.shape[-1]) == (-1 if table.is_odometry else 1),
 }
 
 
@@ -98,7 +98,7 @@ def _with_stop(log: Dataset, rng: np.random.Generator, rests: int = 240) -> Data
         rows = np.append(np.arange(len(table)), np.repeat(np.flatnonzero(here), rests))
         keys, values = table.keys[rows].copy(), table.values[rows].copy()
         keys[len(table) :, 0] = np.tile(still[table.robot], int(here.sum()))
-        if is_odometry(table):
+        if table.is_odometry:
             at = int(np.flatnonzero(here)[0])
             goes_on, table_end = table.keys[at, 1], len(table)
             keys[table_end:, 1] = np.append(still[table.robot][1:], goes_on)

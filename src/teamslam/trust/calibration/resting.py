@@ -12,7 +12,6 @@ import numpy as np
 from teamslam.geometry import BoolArray, Pose
 from teamslam.model import Table
 from teamslam.model.sensors import pose_of
-from teamslam.trust.calibration.rows import is_odometry
 
 REST = 1e-3  # of what it moves and of what it turns, in the middle (rms)
 FEWEST = 10  # rows under way
@@ -22,7 +21,7 @@ def under_way(table: Table) -> BoolArray:
     """Whether a robot moved in each row (m,) by what it measured itself; all rows of what is no odometry, and where too
     few are under way."""
     everywhere = np.ones(len(table), bool)
-    if not is_odometry(table):
+    if not table.is_odometry:
         return everywhere
     motion: Pose = pose_of(table.values, table.dim)
     both = motion.minus(Pose.identity(motion.dim, motion.batch))

@@ -153,11 +153,6 @@ def lasting_of(table: Table, names: Names) -> Array:
     return np.asarray(np.abs(stamps[:, 1] - stamps[:, 0]))
 
 
-def is_odometry(table: Table) -> bool:
-    """Whether it is a robot's own motion that is measured."""
-    return table.source == "odometry" and table.model == "relative_pose"
-
-
 def is_sighting(table: Table) -> bool:
     """Whether its errors may hang together: those of odometry are taken to be independent, as increments are."""
     return table.source != "odometry" and not table.row.unary and len(table) > 1

@@ -25,7 +25,7 @@ from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.persistence import WHITE, Pairs, Persistence, hanging, tempering
 from teamslam.trust.calibration.posterior import Fit
 from teamslam.trust.calibration.resting import under_way
-from teamslam.trust.calibration.rows import Linear, is_odometry, is_sighting
+from teamslam.trust.calibration.rows import Linear, is_sighting
 from teamslam.trust.calibration.sizes import Sizes, in_common
 from teamslam.trust.calibration.slipping import Scores
 from teamslam.trust.calibration.slips import SLIPS, Slips
@@ -256,7 +256,7 @@ class Search:
 
     def _beside(self, scales: Sequence[Array]) -> float:
         """What odometry's deviations are scaled by, in the middle of its parts; as stated where there is none."""
-        own = [s for s, table in zip(scales, self.linear.tables, strict=True) if is_odometry(table)]
+        own = [s for s, table in zip(scales, self.linear.tables, strict=True) if table.is_odometry]
         return float(np.median(np.concatenate(own))) if own else 1.0
 
     def _hang(self, both: Sequence[Array]) -> None:

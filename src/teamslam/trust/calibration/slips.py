@@ -37,8 +37,7 @@ class Slips:
     @classmethod
     def of(cls, table: Table, lasting: Array) -> "Slips | None":
         """Those of a table; None where it is no odometry, or says nothing in some direction."""
-        own = table.source == "odometry" and table.model == "relative_pose"
-        if not own or not len(table) or (ranks(table.whitening) < table.whitening.shape[-1]).any():
+        if not table.is_odometry or not len(table) or (ranks(table.whitening) < table.whitening.shape[-1]).any():
             return None
         back = np.linalg.inv(np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:])))
         units = np.stack([_turn(table, lasting), _shift(table, lasting)])

@@ -49,7 +49,7 @@ class Scene:
     @property
     def own(self) -> bool:
         """Whether it is the robot's own motion that is measured."""
-        return self.table.source == "odometry" and self.table.model == "relative_pose"
+        return self.table.is_odometry
 
     @property
     def sees(self) -> bool:

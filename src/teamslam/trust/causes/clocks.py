@@ -61,7 +61,7 @@ def taken_earlier(chain: IntArray, way: Pose, ticks: float) -> Pose:
 
 def _along(table: Table, chain: IntArray, way: Pose) -> Table:
     """Odometry as the way has it; other tables as they are."""
-    if table.model != "relative_pose" or table.source != "odometry" or not (robot_of(table.keys) == table.robot).all():
+    if not table.is_odometry or not (robot_of(table.keys) == table.robot).all():
         return table
     places = np.searchsorted(chain, table.keys)
     return replace(table, values=pack(way[places[:, 0]].between(way[places[:, 1]])))

@@ -58,13 +58,13 @@ class Jump:
 
 def stands_out(table: Table, whitened: Array) -> bool:
     """Whether a step of odometry may have jumped, by the residuals of its table (m, r) at a map."""
-    if not is_odometry(table):
+    if not holds_steps(table):
         return False
     squared = np.sum(whitened**2, -1)
     return bool(squared.max() > STANDS_OUT * _noise(table, squared))
 
 
-def is_odometry(table: Table) -> bool:
+def holds_steps(table: Table) -> bool:
     """Whether a table holds relative poses of one robot alone."""
     return table.model == "relative_pose" and len(table) > 1 and bool(table.own.all())
 
@@ -75,7 +75,7 @@ def jumps(log: Dataset, joined: Submap, *, doubted: bool = False) -> list[Cause]
     values = point_of(joined)
     tables = [table.select(table.told_by(values.layout)) for table in log.tables]
     tables = [table for table in tables if len(table)]
-    if not doubted and not any(stands_out(table, table.whitened(values)) for table in tables if is_odometry(table)):
+    if not doubted and not any(stands_out(table, table.whitened(values)) for table in tables if holds_steps(table)):
         return []
     try:
         found = _Search(tables, joined, values).found()
@@ -97,7 +97,7 @@ class _Search:
         self.given, self.joined, self.start = tables, joined, values
         noise = [_noise(t, np.sum(t.whitened(values) ** 2, -1)) for t in tables]
         self.tables = [replace(t, whitening=t.whitening / np.sqrt(n)) for t, n in zip(tables, noise, strict=True)]
-        self.steps = [_consecutive(t) if is_odometry(t) else np.zeros(len(t), bool) for t in tables]
+        self.steps = [_consecutive(t) if holds_steps(t) else np.zeros(len(t), bool) for t in tables]
         self.out = [np.zeros(len(t), bool) for t in tables]
 
     def found(self) -> list[Jump]:
@@ -209,7 +209,7 @@ class _Search:
 
     def _priced(self, tables: Sequence[Table], there: Values) -> float:
         """What rows cost of which each may be wrong: a sighting, and much less likely a step."""
-        prices = [chi2_quantile(1.0 - SURE, t.row.residual_rows(t.dim)) if is_odometry(t) else WRONG for t in tables]
+        prices = [chi2_quantile(1.0 - SURE, t.row.residual_rows(t.dim)) if holds_steps(t) else WRONG for t in tables]
         squared = [np.sum(t.whitened(there) ** 2, -1) for t in tables]
         return sum(float(np.minimum(s, price).sum()) for s, price in zip(squared, prices, strict=True))
 

@@ -50,8 +50,8 @@ def with_turns_in_radians(log: Dataset, robot: int) -> Dataset:
     mine = log.of_robot(robot)
 
     def meant(table: Table) -> Table:
-        is_odometry = table.robot == robot and table.source == "odometry" and table.model == "relative_pose"
-        return (turns_in_degrees(mine, robot, table) if is_odometry else None) or table
+        own = table.robot == robot and table.is_odometry
+        return (turns_in_degrees(mine, robot, table) if own else None) or table
 
     return log.with_tables(map(meant, log.tables))
 
