@@ -132,6 +132,27 @@ def transform(topic, stamp_ns, parent, child, position, type="tf2_msgs/msg/TFMes
     return topic, type, stamp_ns, make
 
 
+def camera_info(topic, stamp_ns, focal, centre, size, numbers=(), model="plumb_bob", matrix=None):
+    """One calibration: focal lengths, centre and distortion of the raw image, the matrix (3, 4) of the rectified."""
+
+    def make(store, header):
+        first = "seq" in store.types["std_msgs/msg/Header"].__dataclass_fields__  # ROS 1 shouts the names
+        (fx, fy), (cx, cy) = focal, centre
+        known = {
+            "d": np.array(numbers, float),
+            "k": np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+            "r": np.eye(3).ravel(),
+            "p": np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]) if matrix is None else matrix,
+        }
+        roi = store.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+        return store.types["sensor_msgs/msg/CameraInfo"](
+            header=header(stamp_ns, "camera"), width=size[0], height=size[1], distortion_model=model, binning_x=0,
+            binning_y=0, roi=roi, **{name.upper() if first else name: value for name, value in known.items()},
+        )  # fmt: skip
+
+    return topic, "sensor_msgs/msg/CameraInfo", stamp_ns, make
+
+
 def image(topic, stamp_ns, pixels, encoding="mono8", step=None, received_ns=None):
     """One raw image of bytes (h, w) or (h, w, channels)."""
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+import recordings
 import tagged_room
 import teamslam as ts
+from tag_pictures import picture, square
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +59,28 @@ def test_a_team_file_holds_options_of_the_run(team, teamslam, tmp_path):
     path.write_text(text + "[options.join]\nexakt = true\n")
     called = run(teamslam, tmp_path / "other", path)
     assert called.code == 2 and "exakt" in called.err and "exact" in called.err
+
+
+def test_a_rig_as_info_proposes_it_runs(teamslam, tmp_path, monkeypatch):
+    """Nobody said yet where its cameras are, so both are at one place; each has corners and figures of its own."""
+    pytest.importorskip("cv2")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    messages = []
+    for k in range(5):
+        stamp = 10**18 + k * 200_000_000
+        for name, tags in (("left", (3, 8)), ("right", (8, 5, 3))):
+            shown = {tag: square((50 + 70 * n + k, 60), 50, 0.1 * n) for n, tag in enumerate(tags)}
+            messages.append(recordings.image(f"/{name}/image_raw", stamp, picture(shown, (240, 120), blur=0.5)))
+            calibration = f"/{name}/camera_info"
+            messages.append(recordings.camera_info(calibration, stamp, (200.0, 200.0), (119.5, 59.5), (240, 120)))
+    path = recordings.write(tmp_path, "mcap", messages)
+    told = teamslam("info", path).out
+    (tmp_path / "team.toml").write_text(told[told.index("[tags]") :])
+    called = teamslam("run", tmp_path / "team.toml", "--out", tmp_path / "map")
+    assert called.code in (0, 1, 3), called.err
+    rows = (tmp_path / "map" / "tags" / "reprojection.csv").read_text().splitlines()[1:]
+    assert [row.split(",")[1:4] for row in rows] == [
+        *(["left", tag, "5"] for tag in "38"),
+        *(["right", tag, "5"] for tag in "358"),
+    ]
+    assert (tmp_path / "map" / "figures" / "figure_5.png").is_file()

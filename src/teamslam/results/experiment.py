@@ -59,10 +59,11 @@ def views_of(found: Sequence[Reprojected], team: TeamFile, folder: Path) -> dict
     for number, tick, image in pictures_at(found, wanted, team, folder):
         one = found[number]
         mine = one.select(one.ticks == tick)
-        names = {tag: carried[tag].carrier if tag in carried else "" for tag in mine.tags.tolist()}
+        tags = mine.tags.tolist()
+        carriers = tuple(carried[tag].carrier if tag in carried else "" for tag in tags)
         start_s = (tick - int(one.ticks.min())) / TICKS_PER_S
         views[f"{one.robot}, {one.entry.name}, {start_s:.1f} s after its first tag"] = View(
-            image, mine.seen, tuple(map(str, names)), tuple(names.values())
+            image, mine.seen, tuple(map(str, tags)), carriers
         )
     return views
 

@@ -48,7 +48,7 @@ def reprojected(log: Dataset, maps: Sequence[Submap], team: TeamFile, folder: Pa
     found = []
     for number, entry in enumerate(team.robot, 1):
         mine = [t for t in log.tables if t.model == "corners" and t.robot == number]
-        by_camera = [_nearest(table, entry.camera) for table in mine]
+        by_camera = [_camera_of(table, entry.camera) for table in mine]
         for k, (camera, known) in enumerate(zip(entry.camera, cameras_of(entry, folder), strict=True)):
             tables = [table for table, place in zip(mine, by_camera, strict=True) if place == k]
             parts = [part for t in tables for m in maps for part in _of_table(t, m, known, team)]
@@ -72,10 +72,14 @@ def write_reprojection(found: Sequence[Reprojected], path: Path) -> None:
     write_text(path, "\n".join([*lines, ""]))
 
 
-def _nearest(table: Table, cameras: Sequence[CameraEntry]) -> int:
-    """Which camera a table is of: tables tell cameras by where they are, which a run may have put right."""
+def _camera_of(table: Table, cameras: Sequence[CameraEntry]) -> int:
+    """Which camera a table is of: the one that it is called after; of several of one name the one nearest to where it
+    has it, as a run may have put that right."""
     assert table.sensor is not None
-    return int(np.argmin([np.linalg.norm((c.pose @ LOOKING).minus(table.sensor)) for c in cameras]))
+    named = [k for k, camera in enumerate(cameras) if camera.name == table.called]
+    some = named or list(range(len(cameras)))
+    off = [np.linalg.norm((cameras[k].pose @ LOOKING).minus(table.sensor)) for k in some]
+    return some[int(np.argmin(off))]
 
 
 def _of_table(

@@ -30,10 +30,11 @@ def cache(tmp_path, monkeypatch):
 def encoded(name):
     """GREY in an encoding, as a camera would send it."""
     plain = name.lower()
+    if plain.endswith("16") or plain.startswith("16uc"):
+        deep = np.repeat(GREY[..., None].astype("<u2") << 4, CHANNELS[plain], -1)
+        return np.ascontiguousarray(deep).view(np.uint8).reshape(*GREY.shape, 2 * CHANNELS[plain])
     if plain.startswith("bayer"):
         return GREY  # a grey scene looks the same behind every filter
-    if plain.endswith("16") or plain == "16uc1":
-        return (GREY.astype("<u2") << 4).view(np.uint8).reshape(*GREY.shape, 2)
     if plain.startswith("nv"):
         return np.concatenate([GREY, np.full((55, 170), 128, np.uint8)])
     if CHANNELS[plain] == 2:

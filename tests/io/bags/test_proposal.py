@@ -50,3 +50,16 @@ def test_robots_by_their_names_have_the_truth_that_names_them(tmp_path):
     assert [(robot["name"], robot["truth"]) for robot in robots] == [("ann", "/mocap/ann"), ("ben", "/mocap/ben")]
     assert [[camera["tags"] for camera in robot["camera"]] for robot in robots] == [["/ann/tags"], ["/ben/tags"]]
     assert "# /roof/tags: ?" in text
+
+
+@pytest.mark.parametrize(
+    ("topics", "names"),
+    [
+        (["/rig/left/detector/tags", "/rig/right/detector/tags"], ["left", "right"]),
+        (["/detections", "/tags"], ["detections", "tags"]),
+        (["/down/front/tags", "/up/front/tags", "/up/rear/tags"], ["down/front/tags", "up/front/tags", "up/rear/tags"]),
+    ],
+)
+def test_cameras_have_names_of_their_own(tmp_path, topics, names):
+    (robot,), _ = proposed(tmp_path, [], topics)
+    assert [camera["name"] for camera in robot["camera"]] == names

@@ -14,6 +14,8 @@ import tagged_room
 import teamslam as ts
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import Pose, concatenate
+from teamslam.io.bags import contents, proposal
+from teamslam.io.bags.recorded import cameras_of
 from teamslam.io.bags.seen import SELDOM, chosen_images
 from teamslam.io.bags.team_file import is_team_file, read_team_file
 from teamslam.model import Kind, Values, index_of, landmark_key, landmark_number, pose_key
@@ -172,3 +174,15 @@ def test_a_number_that_is_twice_in_one_image_is_left_out_there_and_counted(tmp_p
 def made(folder):
     folder.mkdir()
     return folder
+
+
+@pytest.mark.parametrize("topic", ["/camera/camera_info", "camera/camera_info", "camera_info"])
+def test_a_calibration_is_a_topic_however_it_is_spelt(tmp_path, topic):
+    """ROS 1 bags hold topics without a slash at the beginning as well."""
+    corners = [[90.0, 140.0], [140.0, 140.0], [140.0, 90.0], [90.0, 90.0]]
+    camera = recordings.camera_info(topic, 10**18, (300.0, 310.0), (160.0, 120.0), (320, 240))
+    path = recordings.write(tmp_path, "bag", [camera, recordings.detections("tags", 10**18, [(3, corners)])])
+    (tmp_path / "team.toml").write_text(proposal(contents(path)).replace("calibration.yaml", topic))
+    (robot,) = read_team_file(tmp_path / "team.toml").robot
+    (camera,) = cameras_of(robot, tmp_path)
+    assert camera.focal == (300.0, 310.0) and camera.size == (320, 240)

@@ -154,6 +154,8 @@ CHANNELS = {
     "mono8": 1, "8uc1": 1, "rgb8": 3, "bgr8": 3, "8uc3": 3, "rgba8": 4, "bgra8": 4, "8uc4": 4, "mono16": 1, "16uc1": 1,
     "yuv422": 2, "uyvy": 2, "yuv422_yuy2": 2, "yuyv": 2, "nv12": 1, "nv21": 1,
     "bayer_rggb8": 1, "bayer_bggr8": 1, "bayer_gbrg8": 1, "bayer_grbg8": 1,
+    "rgb16": 3, "bgr16": 3, "rgba16": 4, "bgra16": 4, "16uc3": 3, "16uc4": 4,
+    "bayer_rggb16": 1, "bayer_bggr16": 1, "bayer_gbrg16": 1, "bayer_grbg16": 1,
 }  # fmt: skip
 """Encodings of sensor_msgs/Image that can be read, and how many numbers a pixel has."""
 
@@ -187,11 +189,11 @@ def _raw(found: Any) -> AnyArray:
     name, height, width = str(found.encoding).lower(), int(found.height), int(found.width)
     if name not in CHANNELS:
         raise Unusable(f"of an encoding that is not known, {found.encoding!r}")
-    numbers, deep = CHANNELS[name], name.endswith(("16", "16uc1"))
+    numbers, deep = CHANNELS[name], name.endswith("16") or name.startswith("16uc")
     lines = lines_of(found, numbers * (1 + deep), height * 3 // 2 if name.startswith("nv") else height)
     if deep:
         order = ">u2" if found.is_bigendian else "<u2"
-        return _in_bytes(np.ascontiguousarray(lines).view(order).astype(float))
+        lines = _in_bytes(np.ascontiguousarray(lines).view(order).astype(float))
     if name.startswith("bayer"):
         # A bayer pattern named by its first row and column, where OpenCV names it by the second.
         cv2 = opencv()

@@ -34,8 +34,8 @@ def proposal(found: Contents) -> str:
                 lines.append(f"truth = {_text(truth.name)}  # ? results are scored against it, no map is made by it")
                 break
         lines.append("")
-        for camera in robot.cameras:
-            lines += [*_camera(camera, found), ""]
+        for camera, called in zip(robot.cameras, _names(robot.cameras), strict=True):
+            lines += [*_camera(camera, called, found), ""]
     told = {camera.name for robot in robots for camera in robot.cameras}
     lines += [f"# {topic.name}: ? a camera of which robot" for topic in _seeing(found) if topic.name not in told]
     return "\n".join(lines).rstrip() + "\n"
@@ -91,10 +91,10 @@ def _depths(found: Contents) -> list[TopicContents]:
     return sorted(topics, key=lambda topic: topic.name.lower().endswith("compresseddepth"))
 
 
-def _camera(topic: TopicContents, found: Contents) -> Iterator[str]:
+def _camera(topic: TopicContents, called: str, found: Contents) -> Iterator[str]:
     parent = PurePosixPath(topic.name).parent
     yield "[[robot.camera]]"
-    yield f"name = {_text(_called(topic.name))}"
+    yield f"name = {_text(called)}"
     yield f"{'images' if topic.role == 'image' else 'tags'} = {_text(topic.name)}"
     beside = [c for c in found.of_role("calibration") if PurePosixPath(c.name).parent in (parent, parent.parent)]
     if beside:
@@ -107,10 +107,13 @@ def _camera(topic: TopicContents, found: Contents) -> Iterator[str]:
     yield "quaternion_wxyz = [1.0, 0.0, 0.0, 0.0]  # ? and how it is turned (z looks ahead, x to the right)"
 
 
-def _called(topic: str) -> str:
-    """The part of a topic's name that tells one camera from another."""
-    parts = [part for part in topic.strip("/").split("/") if part not in COMMON]
-    return parts[-1] if parts else topic.strip("/")
+def _names(topics: Sequence[TopicContents]) -> list[str]:
+    """For each topic of a robot's cameras the last part of its name that is neither common nor in all of them; where
+    that does not tell them apart, the whole of it."""
+    parts = [topic.name.strip("/").split("/") for topic in topics]
+    shared = COMMON | (set.intersection(*map(set, parts)) if len(parts) > 1 else set())
+    short = [next((part for part in reversed(own) if part not in shared), "/".join(own)) for own in parts]
+    return short if len(set(short)) == len(short) else ["/".join(own) for own in parts]
 
 
 def _space(topic: str) -> str:

@@ -100,8 +100,9 @@ def _camera_of(camera: CameraEntry, folder: Path, recording: Recording | None) -
 
 
 def _calibrated(camera: CameraEntry, folder: Path, recording: Recording | None) -> Camera:
+    file = (folder / camera.calibration).is_file()
     topic = camera.calibration.startswith("/") and "." not in camera.calibration  # of which no topic has one
-    if recording is not None and topic and not Path(camera.calibration).is_file():
+    if recording is not None and not file and (topic or camera.calibration in recording.topics):
         return camera_in(recording, camera.calibration)
     topics = () if recording is None else (camera.tags or camera.images,)
     return read_camera(folder / camera.calibration, camera.calibration_name, topics)
