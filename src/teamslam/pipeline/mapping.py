@@ -26,7 +26,7 @@ from teamslam.joining import (
     full,
     split,
 )
-from teamslam.model import Dataset, Sources, Submap
+from teamslam.model import Dataset, Sources, Submap, Values
 from teamslam.pipeline.clock import Clock
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Options, each_side_by_side
@@ -50,18 +50,18 @@ def mapped(
     elif workers is not None:
         pieces = pieces_of(log, config)
         submaps, joined, unbuilt = _on_workers(pieces, workers, work, config.solver, clock)
-        joined = _with_books(log, joined, unbuilt, ())
+        joined = with_books(log, joined, unbuilt, ())
     elif config.join.exact:
         submaps, joined = _in_rounds(log, config, clock, near)
     else:
         pieces = pieces_of(log, config)
         clock.start("building submaps", len(pieces))
         built = clock.each(_each(pieces, lambda piece: _build(piece, config.solver, near)))
-        whole = _whole(built)
+        whole = whole_of(built)
         submaps, remarks = tuple(submap for submap, _ in whole), [remark for _, remark in whole]
         clock.start("joining submaps")
         joined = ORDERS[config.join.order](submaps, options=config.solver)
-        joined = _with_books(log, joined, built, [r for r in remarks if r])
+        joined = with_books(log, joined, built, [r for r in remarks if r])
     return pieces, submaps, joined
 
 
@@ -94,7 +94,7 @@ def pairs(pieces: Iterable[Dataset], submaps: Iterable[Submap]) -> list[tuple[Da
 def submaps_of(log: Dataset, config: Config) -> list[Submap]:
     """The submaps of a log; what cannot be built is not among them. Raises SolveError where nothing can be."""
     built = list(_each(pieces_of(log, config), lambda piece: _build(piece, config.solver)))
-    return [submap for submap, _ in _whole(built)]
+    return [submap for submap, _ in whole_of(built)]
 
 
 def _in_rounds(log: Dataset, config: Config, clock: Clock, near: Joined | None) -> tuple[tuple[Submap, ...], Joined]:
@@ -102,7 +102,7 @@ def _in_rounds(log: Dataset, config: Config, clock: Clock, near: Joined | None) 
     pieces = pieces_of(log, config)
     clock.start("building submaps", len(pieces))
     built = clock.each(_each(pieces, lambda piece: _choices(piece, config.solver, near)))
-    choices = _whole(built)
+    choices = whole_of(built)
     clock.start("joining in rounds")
     joined = exact_join(
         [piece for piece, found in zip(pieces, built, strict=True) if not isinstance(found, Unbuilt)],
@@ -112,7 +112,7 @@ def _in_rounds(log: Dataset, config: Config, clock: Clock, near: Joined | None) 
         options=config.solver,
         progress=lambda step: clock.tick(),
     )
-    return tuple(found[0] for found in choices), _with_books(log, joined, built, ())
+    return tuple(found[0] for found in choices), with_books(log, joined, built, ())
 
 
 def _on_workers(
@@ -140,7 +140,7 @@ def _each(pieces: Sequence[Dataset], make: Callable[[Dataset], T]) -> Iterator[T
     return each_side_by_side(tried, pieces) if long else map(tried, pieces)
 
 
-def _whole(built: Sequence[T | Unbuilt]) -> list[T]:
+def whole_of(built: Sequence[T | Unbuilt]) -> list[T]:
     """What could be made. Raises SolveError where nothing could."""
     made = [found for found in built if not isinstance(found, Unbuilt)]
     if not made and built:
@@ -158,13 +158,18 @@ def _choices(piece: Dataset, options: Options, near: Joined | None) -> list[Subm
 
 def _build(piece: Dataset, options: Options, near: Joined | None = None) -> tuple[Submap, str]:
     """The submap of a piece, and what is to be remarked of it."""
-    start = None if near is None else from_map(piece, near.maps)
+    return build_from(None if near is None else from_map(piece, near.maps), piece, options)
+
+
+def build_from(start: Values | None, piece: Dataset, options: Options) -> tuple[Submap, str]:
+    """The submap of a piece from a start, where there is one, and what is to be remarked of it."""
     submap, solution = build_with_solution(piece, options=options, near=start)
     if solution.converged:
         return submap, ""
     return submap, f"submap {submap.id} stopped {solution.decrement:.2g} sigma from its optimum, and is used as it is"
 
 
-def _with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: Sequence[str]) -> Joined:
+def with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: Sequence[str]) -> Joined:
+    """A map of a log with its books, where some of what was `built` is `Unbuilt`, and with what was remarked of it."""
     lost = [found for found in built if isinstance(found, Unbuilt)]
     return accounted(log, replace(joined, remarks=(*joined.remarks, *remarks)), lost)

@@ -4,14 +4,16 @@ with its noise."""
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from teamslam.config import Config
 from teamslam.errors import SolveError
-from teamslam.joining import ORDERS, AtMap, Joined, build_with_solution, exact_join, full, join
+from teamslam.joining import ORDERS, AtMap, Joined, Unbuilt, exact_join, full, join
 from teamslam.joining.join.held_frame import with_frame
 from teamslam.joining.start.blunt import blunt, with_levels
-from teamslam.model import Dataset, LeftOut, Submap
+from teamslam.model import Dataset, LeftOut, Submap, Values
 from teamslam.pipeline.clock import Clock
-from teamslam.pipeline.mapping import pairs, pieces_of, submaps_of
+from teamslam.pipeline.mapping import build_from, pairs, pieces_of, submaps_of, whole_of, with_books
 from teamslam.pipeline.renamed import Renamed
 from teamslam.trust import (
     Cause,
@@ -135,15 +137,15 @@ def once_more(
     clock.start("once more, put right")
     if config.method == "full":
         again = full(right, initial=near, options=config.solver)
-        return [], (), replace(_carrying(again, calibration, right), left_out=joined.left_out, remarks=joined.remarks)
+        return [], (), with_books(right, _carrying(again, calibration, right), _unbuilt(joined, again, right), ())
     whole = pairs(pieces or pieces_of(log, config), submaps)
     clock.start("once more, put right", len(whole))
-    pieces = [calibration.put_right(piece) for piece, _ in whole]
-    both = zip(pieces, (submap for _, submap in whole), strict=True)
-    built = clock.each(
-        build_with_solution(piece, options=config.solver, near=calibration.start_of(submap))[0]
-        for piece, submap in both
-    )
+    right_pieces = [calibration.put_right(piece) for piece, _ in whole]
+    starts = (calibration.start_of(submap) for _, submap in whole)
+    made = clock.each(_built_from(start, piece, config) for start, piece in zip(starts, right_pieces, strict=True))
+    pieces = [piece for piece, found in zip(right_pieces, made, strict=True) if not isinstance(found, Unbuilt)]
+    built = [submap for submap, _ in whole_of(made)]
+    remarks = [remark for _, remark in whole_of(made) if remark]
     if config.join.exact:
         again = exact_join(
             pieces,
@@ -155,9 +157,24 @@ def once_more(
         )
         again = _carrying(again, calibration, right)
     else:
-        carried = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
-        again, built = _joined_again(carried, near, config), tuple(carried)
-    return pieces, built, replace(again, left_out=joined.left_out, remarks=joined.remarks)
+        built = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
+        again = _joined_again(built, near, config)
+    return pieces, tuple(built), with_books(right, again, [*made, *_unbuilt(joined, again, right)], remarks)
+
+
+def _built_from(start: Values, piece: Dataset, config: Config) -> tuple[Submap, str] | Unbuilt:
+    try:
+        return build_from(start, piece, config.solver)
+    except SolveError as error:
+        return Unbuilt(piece, str(error))
+
+
+def _unbuilt(joined: Joined, again: Joined, log: Dataset) -> list[Unbuilt]:
+    """The pieces of a log that are in no map of it, by the books of its first one, and not in another one either."""
+    known = np.concatenate([submap.keys for submap in again.maps])
+    lost = [out for out in joined.left_out if out.kind == "piece" and not np.isin(out.keys, known).any()]
+    parts = (log.with_tables(t.select(out.rows.rows_of(t)) for t in log.tables) for out in lost)
+    return [Unbuilt(log.with_tables(t for t in p.tables if len(t)), o.reason) for p, o in zip(parts, lost, strict=True)]
 
 
 def carrying_unknowns(joined: Joined, log: Dataset, found: Settled) -> Joined:

@@ -48,6 +48,7 @@ from teamslam.trust import (
 from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
+AS_STATED = "noise is taken as stated, since the log with it put right has no map"
 MOST_APART = 20  # landmarks that are called otherwise than in the log, and steps left out: of more, it says nothing
 
 
@@ -106,8 +107,8 @@ def _told(
         if added:
             return _told(again, config, clock, workers, work, apart, added, cut)
     put_out = () if suspected is None else suspected.put_out()
-    remarks, left_out = (*joined.remarks, *added, *put_out), (*joined.left_out, *cut)
-    joined = replace(joined, remarks=remarks, left_out=left_out)
+    said = (*added, *put_out)
+    joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))
     at = _at(log, joined)
     calibration, seen, judged = None, None, None
     if workers is None:
@@ -131,7 +132,12 @@ def _told(
         if suspected is None and suspects and submaps:  # who lies is told before his errors are put right
             clock.start("suspicions")
             suspected = suspicions(log, submaps, joined) if seen is None else seen
-        pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
+        try:
+            pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
+            joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))
+        except SolveError as error:
+            calibration = None
+            joined = replace(joined, remarks=(*joined.remarks, f"{AS_STATED}: {error}"))
     dataset, late = in_time(dataset, joined)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
     asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
@@ -142,7 +148,7 @@ def _told(
             joined = with_exactness(joined, pairs(pieces, submaps), at)
         if calibration:  # each row is judged by the deviation that it has alone
             log = calibration.put_right(log, weigh=False)
-            at = _at(log, joined)
+            joined, at = replace(joined, log=log), _at(log, joined)
         trust = assess(
             log, submaps if suspects else (), joined, at,
             judged=None if calibration else judged, known=suspected, seen=seen,
