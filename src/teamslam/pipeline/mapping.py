@@ -80,6 +80,11 @@ def refuse_workers(config: Config, *, calibrate: bool = False) -> None:
         raise InputError(f"workers join submaps by a tree of their own, not in the order '{config.join.order}'")
 
 
+def in_rounds(config: Config) -> Config:
+    """The options of a run that joins exactly and is alike in all else."""
+    return replace(config, join=replace(config.join, order="at once", exact=True))
+
+
 def pieces_of(log: Dataset, config: Config) -> list[Dataset]:
     return split(log, poses_per_piece=config.split.poses_per_piece, heading_sigma=config.split.heading_sigma)
 

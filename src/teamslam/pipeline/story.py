@@ -3,6 +3,7 @@
 clocks and cameras of recordings, estimated with a map
 -> landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
+-> in rounds, where the join is far from that by its own account
 -> steps of odometry that contradict all else left out, landmarks that were moved, as two each, names that lie beyond
    doubt put right, and all of this again
 -> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
@@ -10,6 +11,7 @@ clocks and cameras of recordings, estimated with a map
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +23,7 @@ from teamslam.metrics import Report, score
 from teamslam.model import Dataset, LeftOut, Values, a_kind, is_unnamed
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.in_time import in_time
-from teamslam.pipeline.mapping import mapped, pairs, refuse_workers
+from teamslam.pipeline.mapping import in_rounds, mapped, pairs, refuse_workers
 from teamslam.pipeline.mending import (
     calibrated,
     carrying_unknowns,
@@ -48,6 +50,8 @@ from teamslam.trust import (
 from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
+FAR = 0.5  # of a join's cost, by its own approximation: it is gone on with in rounds
+IN_ROUNDS = "joined in rounds, as by --exact, since the join of its submaps was far from full least squares"
 AS_STATED = "noise is taken as stated, since the log with it put right has no map"
 MOST_APART = 20  # landmarks that are called otherwise than in the log, and steps left out: of more, it says nothing
 
@@ -124,6 +128,12 @@ def _told(
         if moved:
             apart = (*apart, *(cause for cause in moved if cause.kind != "jump"))
             return _told(again, config, clock, workers, work, apart, added, (*cut, *steps_cut(dataset, moved)))
+        far = "" if wrong or config.method == "full" or config.join.exact else _far(joined, at)
+        if far:  # a lie may be why, and is told by what joining costs
+            suspected = suspected or seen or suspicions(log, submaps, joined)
+        if far and suspected is not None and not suspected.names_a_lie:
+            with suppress(SolveError):
+                return _told(dataset, in_rounds(config), clock, None, work, apart, (*added, far), cut)
         if config.calibrate:
             clock.start("calibration")
             calibration = calibrated(at, wrong)
@@ -166,6 +176,19 @@ def _told(
         config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(),
         decisions, calibration, found, late, apart,
     )  # fmt: skip
+
+
+def _far(joined: Joined, at: Sequence[AtMap]) -> str:
+    """What is said of a join that full least squares would take more than `FAR` of its cost from, as far as a step
+    tells: submaps are no Gaussians there, and the map is another one. Nothing of any other."""
+    shares = [0.0]
+    for component, here in zip(joined.components, at, strict=True):
+        try:
+            if component.map.dof and len(here):
+                shares.append(here.gap.decrease / max(here.gap.cost, 1.0))
+        except SolveError:
+            continue
+    return f"{IN_ROUNDS} ({max(shares):.0%} of its cost)" if max(shares) > FAR else ""
 
 
 def _log_in(given: Dataset | str | Path, config: Config) -> Dataset:

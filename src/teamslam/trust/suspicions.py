@@ -44,6 +44,11 @@ class Suspicions:
         """The robots that lie."""
         return () if self.judgement is None else tuple(int(str(robot)) for robot in self.judgement.accused)
 
+    @property
+    def names_a_lie(self) -> bool:
+        """Whether a name or a robot is told that lies."""
+        return bool(self.labels or self.mistaken or self.liars)
+
     def beside(self, wrong: Mapping[int, Fit], submaps: Sequence[Submap]) -> "Suspicions":
         """Without robots whose own measurements contradict each other in nothing but what looks `wrong` of them one by
         one: what that costs, by robot."""
@@ -75,7 +80,7 @@ def suspicions(log: Dataset, submaps: Sequence[Submap], joined: Joined | None = 
     mistaken = mistaken_robots(log, submaps, joined) if joined is not None else []
     if mistaken:
         submaps, joined = _built_again(log, submaps, mistaken), None
-    if joined is None or anybody_could_lie(submaps, joined):
+    if joined is None or _anybody_could_lie(submaps, joined):
         submaps = _spared(submaps)  # what follows may join many times
     judged = _judged(submaps, joined)
     excuses = mislabelled(submaps, of=[int(str(r)) for r in judged.accused]) if judged and judged.accused else []
@@ -90,6 +95,13 @@ def suspicions(log: Dataset, submaps: Sequence[Submap], joined: Joined | None = 
     if len(labels) > len(excuses):
         judged = _judged(_put_right(submaps, labels), None)
     return Suspicions(tuple(labels), tuple(mistaken), judged, log.names)
+
+
+def _anybody_could_lie(submaps: Sequence[Submap], joined: Joined) -> bool:
+    try:
+        return anybody_could_lie(submaps, joined)
+    except SolveError:
+        return True  # as far as anybody knows
 
 
 def _map_of(submaps: Sequence[Submap]) -> Joined | None:

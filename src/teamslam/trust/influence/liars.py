@@ -12,13 +12,14 @@ where no majority agrees nobody is accused.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log
 
 import numpy as np
 
-from teamslam.errors import TeamslamError
+from teamslam.errors import SolveError, TeamslamError
 from teamslam.joining import Joined, join
 from teamslam.model import Sources, Submap, chi2_quantile, robot_of
 from teamslam.solver import Options
@@ -106,7 +107,9 @@ class _Search:
         self.joined = together(submaps, joined)
         spared = without_scattered(self.submaps, self.joined)
         if spared is not None:
-            self.submaps, self.joined = spared, together(spared, join(spared, near=self.joined, options=QUICK), QUICK)
+            with suppress(SolveError):  # without them there may be no map: then they count
+                found = together(spared, join(spared, near=self.joined, options=QUICK), QUICK)
+                self.submaps, self.joined = spared, found
         self.members = tuple(dict.fromkeys(label(submap) for submap in submaps))
         self.whole = fit_of(self.joined)
         self.fits: dict[frozenset[Hashable], Fit] = {frozenset(): self.whole}
