@@ -108,7 +108,7 @@ def suspected_beside(
         found = suspicions(log, [build(piece) for piece in split(log)])
     except TeamslamError:
         return None
-    named = {robot for cause in causes if cause.kind not in ("landmark", "size") for robot in cause.robots}
+    named = {robot for cause in causes if cause.kind not in ("landmark", "size", "outliers") for robot in cause.robots}
     return replace(
         found,
         labels=tuple(label for label in found.labels if label.change.robot not in named),
@@ -124,7 +124,7 @@ def _told_by(judged: Verdict, wrong: Wrong) -> Verdict:
         return judged
     robots = tuple(sorted({sensor.robot for sensor in found.sensors if sensor.rejected}))
     said = f"{found.rejected:,} sightings are wrong, and noise as stated explains the others; --reject leaves them out"
-    cause = Cause("outliers", said, 1.0, robots)
+    cause = Cause("outliers", said, 1.0, robots, found.without_scattered)
     return replace(judged, causes=(cause, *(c for c in judged.causes if c.kind not in ("sigma", "outliers"))))
 
 

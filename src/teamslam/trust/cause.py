@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from teamslam.model import Dataset
 
-MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "jump", "landmark", "size")
+MISTAKES = ("sign", "degrees", "unit", "axes", "direction", "clock", "jump", "landmark", "size", "frame")
 """The kinds of causes that are mistakes in a log; others ('sigma', 'outliers') are noise that was stated wrongly."""
 
 

@@ -29,6 +29,7 @@ from teamslam.trust.cause import Cause
 from teamslam.trust.causes.jumps import stands_out
 from teamslam.trust.causes.noise import noise_causes
 from teamslam.trust.causes.search import mistakes_in, mistakes_of_robots
+from teamslam.trust.causes.world import mistakes_in_the_world
 from teamslam.trust.noise import Noise, noise_of
 from teamslam.trust.residuals import Residuals, Rows, residuals_at
 from teamslam.trust.tally import kind_of, whole
@@ -143,9 +144,9 @@ def verdict_where_costly(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) 
 
 
 def explained(error: SolveError, log: Dataset) -> SolveError:
-    """The error that a log cannot be solved with what it looks like, where a robot's log contradicts itself: that
-    first, and no advice on how to solve it, which would not help."""
-    found = mistakes_of_robots(log, log.robots)
+    """The error that a log cannot be solved with what it looks like, where a robot's log contradicts itself, or the
+    world the map without it: that first, and no advice on how to solve it, which would not help."""
+    found = mistakes_of_robots(log, log.robots) or mistakes_in_the_world(log)
     looks = "".join(f"the log looks like this: {cause.sentence}\n" for cause in found)
     return SolveError(f"{looks}As it is: {_bare(str(error))}", key=error.key) if found else error
 
@@ -177,7 +178,7 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     low, high = (float(end[0]) for end in total.band)
     decrease = min(sum(part.decrease for part in parts), max(cost - expected, 0.0))
     far = _far(cost, decrease, expected, (low, high))
-    causes = [] if far else mistakes_in(dataset, joined, parts)
+    causes = mistakes_in(dataset, joined, parts, far=far)
     lost = {int(robot) for out in joined.left_out for robot in robot_of(out.keys) if robot > 0}
     told = {robot for cause in causes for robot in cause.robots}
     of_lost = mistakes_of_robots(dataset, lost - told)
@@ -187,7 +188,7 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
     if (in_map and not slight) or (refused(rows) and not far):
         level = "misfit"
     poor = level in ("strained", "misfit")
-    if far:
+    if far and not in_map:
         level = "strained"  # the map is, by its join, though its measurements may agree
     elif poor and not causes:
         causes = noise_causes(noise, rows, max(cost - decrease - expected, 1.0), names)

@@ -5,6 +5,7 @@
     steps                     of odometry that contradict all else                           `jumps`
     tags                      of another size than stated                                    `sizes`
     landmarks                 in two places                                                  `places`
+    the world                 in other units, mirrored, or another one                       `world`
 
 Each later step looks at what the ones before leave; a mistake of a table bends the map so much that what it says of
 landmarks means nothing, so these are looked at where nothing else was found. Nothing is looked for where no sensor and
@@ -30,6 +31,7 @@ from teamslam.trust.causes.places import two_places
 from teamslam.trust.causes.sizes import wrong_sizes
 from teamslam.trust.causes.stretches import busiest
 from teamslam.trust.causes.trial import Trial
+from teamslam.trust.causes.world import mistakes_in_the_world
 from teamslam.trust.residuals import Residuals, Rows
 from teamslam.trust.tally import Tally, by_landmark, by_robot, by_sensor
 
@@ -39,9 +41,14 @@ EXCESS = 50.0  # of cost, that must go with it
 UNCERTAIN = 0.3  # of the cost of a row, by what is not known of its leverage
 
 
-def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals]) -> list[Cause]:
-    """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map."""
+def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals], *, far: bool = False) -> list[Cause]:
+    """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map. Of one that is
+    `far` from where its rows would have it, by its join, residuals tell nothing, and only the world is asked."""
     rows = [row for part in parts for row in part.rows]
+    if far or _bad(by_sensor(rows)[0], BAD_SENSOR):
+        in_the_world = mistakes_in_the_world(log)
+        if in_the_world or far:
+            return in_the_world
     both = list(zip(joined.components, parts, strict=True))
     costly = _bad(by_landmark(rows), BAD_LANDMARK)
     sizes = [cause for component, part in both if costly for cause in wrong_sizes(log, component.map, part.rows)]

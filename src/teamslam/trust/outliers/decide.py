@@ -86,6 +86,15 @@ class Decisions:
         kept = [table.select(mask) for table, mask in zip(log.tables, self.inliers, strict=True)]
         return log.with_tables(table for table in kept if len(table))
 
+    def without_scattered(self, log: Dataset) -> Dataset:
+        """The log without wrong rows of sensors of which most rows are right: of others it is the sensor that lies."""
+        kept = []
+        for table, mask in zip(log.tables, self.inliers, strict=True):
+            of = [s for s in self.sensors if (s.robot, s.source) == (table.robot, table.source)]
+            most = 2 * sum(s.rejected for s in of) < sum(s.rows for s in of)
+            kept.append(table.select(mask) if most else table)
+        return log.with_tables(table for table in kept if len(table))
+
 
 def wrong_sightings(log: Dataset, *, probability: float | None = None) -> Decisions:
     """Which sightings of a team's log are wrong. `probability`: that a sighting is; None: by the data.
