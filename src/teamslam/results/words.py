@@ -92,7 +92,8 @@ def _rejected(found: Report | None) -> Rows:
     total = f"{found['count']:,} of {counted(found['of'], 'sighting')}"
     if found.get("left_out", True):
         return [("wrong", f"{total}, left out"), *(("", sentence) for sentence in found["sentences"])]
-    sure = "are wrong" if "rows" in found else "look wrong at this map"
+    one = found["count"] == 1
+    sure = ("is" if one else "are") + " wrong" if "rows" in found else f"look{'s' if one else ''} wrong at this map"
     done = "left as they are; --reject finds them and leaves them out"
     return [("wrong", f"{total} {sure}, {done}"), *(("", sentence) for sentence in found["sentences"])]
 

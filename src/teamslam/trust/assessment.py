@@ -123,7 +123,8 @@ def _told_by(judged: Verdict, wrong: Wrong) -> Verdict:
     if found is None or any(sensor.noise >= LARGER for sensor in found.sensors):
         return judged
     robots = tuple(sorted({sensor.robot for sensor in found.sensors if sensor.rejected}))
-    said = f"{found.rejected:,} sightings are wrong, and noise as stated explains the others; --reject leaves them out"
+    wrong_ones = "1 sighting is" if found.rejected == 1 else f"{found.rejected:,} sightings are"
+    said = f"{wrong_ones} wrong, and noise as stated explains the others; --reject leaves them out"
     cause = Cause("outliers", said, 1.0, robots, found.without_scattered)
     return replace(judged, causes=(cause, *(c for c in judged.causes if c.kind not in ("sigma", "outliers"))))
 

@@ -99,7 +99,7 @@ def test_of_a_wrong_place_in_a_survey_no_robot_is_accused(seed: int) -> None:
     result = run(log.with_tables([*log.tables, replace(survey, values=values)]))
     assert result.verdict.level == "misfit"
     (cause,) = result.verdict.causes
-    assert cause.kind == "outliers" and cause.sentence.startswith("1 sightings are wrong"), cause.sentence
+    assert cause.kind == "outliers" and cause.sentence.startswith("1 sighting is wrong"), cause.sentence
     assert result.suspicions is not None and not list(result.suspicions.sentences())
 
 

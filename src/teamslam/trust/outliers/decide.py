@@ -13,7 +13,7 @@ rows: the map is then made of the rest as if the others had never been, so its c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,7 +38,7 @@ AGAIN = 2  # times that gates follow what was found by them
 @dataclass(frozen=True, eq=False)
 class Sensor:
     """What is known of a robot's sightings of one source: the share that is `wrong`, and by how much the `noise` of the
-    others is larger than stated, in variance."""
+    others is larger than stated, in variance; `which` are wrong by their keys (rejected, 2 or 1)."""
 
     robot: int
     source: str
@@ -46,6 +46,7 @@ class Sensor:
     rejected: int
     wrong: float
     noise: float
+    which: IntArray = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ def _sensor(table: Table, inliers: BoolArray, squared: Array, probability: float
     rejected = int((~inliers).sum())
     wrong = share_wrong(rejected, len(table)) if probability is None else probability
     noise = noise_of(squared, table.ranks, rejected / len(table))
-    return Sensor(table.robot, table.source, len(table), rejected, wrong, noise)
+    return Sensor(table.robot, table.source, len(table), rejected, wrong, noise, table.keys[~inliers])
 
 
 # --- the team ---------------------------------------------------------------------------------------------------------

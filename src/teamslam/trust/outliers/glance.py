@@ -17,11 +17,10 @@ from teamslam.trust.cause import rows_called
 from teamslam.trust.evidence import Fit
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
 from teamslam.trust.outliers.gates import gates, noise_of, share_wrong
-from teamslam.trust.outliers.words import sentences_on_sightings
+from teamslam.trust.outliers.words import in_brackets, sentences_on_sightings
 from teamslam.trust.residuals import Rows
 
 ROUNDS = 3
-NAMED = 3  # rows of a sensor that look wrong: so few are named one by one
 LONG = 20_000  # sightings of a log that are looked at once only
 
 
@@ -68,8 +67,7 @@ def sentences_at_a_glance(found: Sequence[Glance], names: Names) -> Iterator[str
         counted = (
             f"{glance.wrong:,} of {glance.rows:,} {rows_called(glance.source)} of robot {names.robot(glance.robot)}"
         )
-        seen = (" from ".join(names.describe(key) for key in keys[::-1]) for keys in glance.which.keys.tolist())
-        yield counted + (f" ({'; '.join(seen)})" if glance.wrong <= NAMED else "")
+        yield counted + in_brackets(glance.which.keys, names)
 
 
 def fits_of(found: Sequence[Glance]) -> dict[int, Fit]:

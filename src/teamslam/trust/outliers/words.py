@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 
-from teamslam.model import index_of
+from teamslam.geometry import IntArray
+from teamslam.model import Names, index_of
 from teamslam.trust.cause import rows_called
 from teamslam.trust.outliers.decide import Decisions
 
+NAMED = 3  # rows of a sensor that are wrong: so few are named one by one
 LARGER = 1.5  # times the stated noise, in variance, that is worth a word
 
 
@@ -16,7 +18,8 @@ def sentences_on_sightings(found: Decisions) -> Iterator[str]:
             continue
         who = f"{sensor.rejected} of {sensor.rows} {rows_called(sensor.source)} of robot"
         larger = f"; the noise of the others is {sensor.noise**0.5:.1f} times as large as stated"
-        yield f"{who} {found.names.robot(sensor.robot)}{larger if sensor.noise >= LARGER else ''}"
+        which = in_brackets(sensor.which, found.names)
+        yield f"{who} {found.names.robot(sensor.robot)}{which}{larger if sensor.noise >= LARGER else ''}"
     for place in found.open:
         mark, who = found.names.landmark(int(index_of(place.mark))), found.names.robot(place.robot)
         if place.larger == 1:
@@ -32,3 +35,9 @@ def sentences_on_sightings(found: Decisions) -> Iterator[str]:
         )
     if found.undecided:
         yield f"{found.undecided} sightings are of what is in no map, and could not be judged"
+
+
+def in_brackets(keys: IntArray, names: Names) -> str:
+    """Which rows these are, by their keys (m, 2 or 1), where they are few; else nothing."""
+    seen = (" from ".join(names.describe(key) for key in row[::-1]) for row in keys.tolist())
+    return f" ({'; '.join(seen)})" if 0 < len(keys) <= NAMED else ""
