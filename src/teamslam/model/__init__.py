@@ -38,7 +38,7 @@ from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
 from teamslam.model.sensors import MODELS, Model
 from teamslam.model.submap import Sources, Stretch, Submap
-from teamslam.model.tables import Table
+from teamslam.model.tables import Table, told_by
 from teamslam.model.unknowns import Stamps, Standing, Unknown, Unknowns
 from teamslam.model.values import Values, pack, unpack
 
@@ -96,6 +96,7 @@ __all__ = [
     "robot_names",
     "robot_of",
     "rows_of",
+    "told_by",
     "unnamed_key",
     "unpack",
     "variances",

@@ -6,6 +6,7 @@ these are (`ids`), and which sensor saw it: `sensor` is the sensor's pose in the
 `pose`, which have no observer, in the target's: the sensor is what was measured.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -188,6 +189,12 @@ class Table(Sealed):
         """True where another robot is the target of every row."""
         targets = self.keys[:, -1]
         return bool(len(targets) and (is_pose(targets) & (robot_of(targets) != self.robot)).all())
+
+
+def told_by(tables: Iterable[Table], layout: Layout) -> list[Table]:
+    """The rows that some variables can tell, of the tables that have any."""
+    told = [table.select(table.told_by(layout)) for table in tables]
+    return [table for table in told if len(table)]
 
 
 def _marks_all(index: object, rows: int) -> bool:

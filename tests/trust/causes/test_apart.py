@@ -1,5 +1,8 @@
 """Landmarks that were moved are two in the map; and who lies is judged beside what explains a misfit."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ from teamslam.model import Dataset, landmark_number
 from teamslam.pipeline import run
 from teamslam.sim import simulate
 from teamslam.trust.causes.apart import Apart
+from teamslam.trust.causes.places import FEWEST
 from thinned import thinned
 
 ALL = (1, 2, 3)
@@ -60,6 +64,42 @@ def test_a_moved_landmark_bends_no_map_and_accuses_nobody(preset: str, seed: int
     assert found.accuracy.landmarks == true.accuracy.landmarks - 1
     assert found.nees_per_dof == pytest.approx(true.nees_per_dof, rel=0.2)
     assert found.robot_position_rmse_m < 1.3 * true.robot_position_rmse_m
+
+
+def moved_at_once(log: Dataset, share: float, seed: int) -> tuple[Dataset, set[tuple[int, int]]]:
+    """The log with a share of its landmarks moved by .8 m half way; and which robots saw which of those often both
+    before and after."""
+    marks = np.random.default_rng(seed).permutation(log.landmark_keys)[: round(share * len(log.landmark_keys))]
+    seen = [t for t in log.tables if t.source == "landmarks"]
+    often: set[tuple[int, int]] = set()
+    for n, mark in enumerate(marks.tolist()):
+        by = 0.8 * np.array([np.cos(n), np.sin(n), 0.0])[: seen[0].dim]
+        log = faults.landmark_moved(log, mark, by, ALL, after=0.5)
+        for table in seen:
+            chain, mine = log.pose_keys[table.robot], table.keys[table.keys[:, -1] == mark, 0]
+            late = mine >= chain[int(0.5 * (len(chain) - 1))]
+            if min(late.sum(), (~late).sum()) >= 2 * FEWEST:
+                often.add((table.robot, mark))
+    return log, often
+
+
+def strangers(log: Dataset) -> Dataset:
+    """The same team, but that no robot ever saw another, and each calls its landmarks by names of its own."""
+    tables = [replace(t, keys=t.keys + t.robot * np.array([0, 1000])) for t in log.tables if t.source == "landmarks"]
+    return replace(log.with_tables([*(t for t in log.tables if t.source == "odometry"), *tables]), truth=None)
+
+
+@pytest.mark.parametrize(("preset", "seed"), thinned(2, ["2d", "planar", "3d"], [1, 2]))
+@pytest.mark.parametrize("one_map", [True, False])
+def test_of_many_that_were_moved_at_once_each_is_named(preset: str, seed: int, one_map: bool) -> None:
+    """A quarter of all, in one map, and in maps that nothing ties: all that a robot saw often in both places."""
+    log = simulate(preset, seed, landmarks=60, poses=150)
+    moved, often = moved_at_once(log, 0.25, seed)
+    assert len(often) > 3
+    result = run(moved if one_map else strangers(moved))
+    assert result.verdict.level in ("fits", "loose", "strained")
+    found = {int(number) for cause in result.apart for number in re.findall(r"landmark (\d+) ", cause.sentence)}
+    assert {mark + (0 if one_map else 1000 * robot) for robot, mark in often} <= found
 
 
 @pytest.mark.parametrize(("preset", "name"), thinned(4, ["2d", "planar", "3d"], ["degrees", "feet", "axes"]))

@@ -22,7 +22,7 @@ from teamslam.joining.start.keyframes import Keyframes
 from teamslam.joining.start.seams import corrected
 from teamslam.joining.start.targets import place_targets
 from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import Dataset, Kind, Layout, Table, Values, pose_key, pose_kind
+from teamslam.model import Dataset, Kind, Layout, Table, Values, pose_key, pose_kind, told_by
 from teamslam.solver import Options, System, convex_start, firm, optimise
 
 STRETCH = 0.1  # [rad]: how far the heading may be lost along the shortest stretches
@@ -88,10 +88,10 @@ def _solved(frames: Keyframes, cut: _Stretches, convex: bool) -> _Stretches:
     start = Values.of({pose_kind(dim): (keys, concatenate([Pose.identity(dim, (1,)), cut.poses[1:]]))})
     layout = start.layout.union(Layout.of(np.arange(len(codes)), marks))
     start = triangulate(place_targets(start.update(_known(cut, codes, marks)), tables, layout), tables)
-    tables = [t.select(t.told_by(start.layout)) for t in tables]
+    tables = told_by(tables, start.layout)
     used = np.unique(np.concatenate([[ORIGIN], *(t.keys.ravel() for t in tables)]))
     values = start.only(used)
-    system = System(values.layout, tables=[t for t in tables if len(t)], fixed=np.array([ORIGIN]))
+    system = System(values.layout, tables=tables, fixed=np.array([ORIGIN]))
     few = Options(max_iterations=STEPS, decrement=0.1 * float(np.sqrt(system.free.dof + 1.0)))
     with suppress(SolveError):  # a guess stays a guess
         first = convex_start(system, values, few) if convex else values

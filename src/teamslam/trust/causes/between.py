@@ -17,7 +17,7 @@ from itertools import islice, zip_longest
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import Dataset, Table, Values, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Table, Values, is_landmark, is_pose, robot_of, told_by
 from teamslam.trust.causes.alone import (
     Found,
     Mistake,
@@ -158,7 +158,7 @@ def unlikely_at(tables: Sequence[Table], values: Values) -> float:
 
 def cost_at(tables: Iterable[Table], values: Values) -> float:
     """Of the rows whose poses are known."""
-    known = [table.select(table.told_by(values.layout)) for table in tables]
+    known = told_by(tables, values.layout)
     return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in known)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Dataset, Loss, Names, Submap, Table, Values, chi2_quantile
+from teamslam.model import Dataset, Loss, Names, Submap, Table, Values, chi2_quantile, told_by
 from teamslam.solver import Options, System, optimise
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.cut import Cut
@@ -73,8 +73,7 @@ def jumps(log: Dataset, joined: Submap, *, doubted: bool = False) -> list[Cause]
     """The steps of odometry that contradict all else in a map, each with what leaves it out of a log. `doubted`: where
     sightings were left out of the map that are in the log, which may hide them."""
     values = point_of(joined)
-    tables = [table.select(table.told_by(values.layout)) for table in log.tables]
-    tables = [table for table in tables if len(table)]
+    tables = told_by(log.tables, values.layout)
     if not doubted and not any(stands_out(table, table.whitened(values)) for table in tables if holds_steps(table)):
         return []
     try:

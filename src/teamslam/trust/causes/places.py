@@ -14,7 +14,7 @@ import numpy as np
 from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, BoolArray
 from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Dataset, Names, Submap, Table, Values, index_of
+from teamslam.model import Dataset, Names, Submap, Table, Values, index_of, told_by
 from teamslam.model.keys import twin_key
 from teamslam.solver import Options, System, firm, optimise
 from teamslam.trust.cause import Cause
@@ -23,7 +23,7 @@ from teamslam.trust.residuals import Rows, beside_median
 from teamslam.trust.tally import by_landmark
 
 SUSPECT, EXCESS = 3.0, 50.0  # times the expected cost, and how much above it, from which a landmark is looked at
-MOST = 5  # landmarks
+MISSES = 5  # landmarks that are not in two places, beside one more for each that is
 FEWEST = 6  # rows in each of two places
 CLEAN = 4.0  # times the median of chi-square: what rows that belong together stay below
 FAR = (
@@ -55,22 +55,23 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows], *, all_of_it:
     reason for `all_of_it`, none is told unless most of the whole map's excess is gone with them.
 
     They are sought one by one, the worst first, and what is found is taken out before the next: a landmark that is in
-    two places pulls its neighbours apart.
+    two places pulls its neighbours apart, so that these are looked at again without it.
     """
     tally = by_landmark(rows)
     expected = dict(zip(tally.labels.tolist(), np.maximum(tally.expected, 1.0).tolist(), strict=True))
     values = point_of(joined)
-    tables = [table.select(table.told_by(values.layout)) for table in log.tables]
+    tables = told_by(log.tables, values.layout)
     found: list[Cause] = []
     tried: set[int] = set()
-    before = _cost(tables, values)
-    while len(tried) < MOST:
+    misses, before = 0, _cost(tables, values)
+    while misses < MISSES + len(found):
         excess = {mark: _cost(_of([mark], tables), values) - due for mark, due in expected.items()}
         bad = [m for m, e in excess.items() if m not in tried and e > EXCESS and e > (SUSPECT - 1.0) * expected[m]]
         if not bad:
             break
         mark = max(bad, key=lambda m: excess[m])
         tried.add(mark)
+        misses += 1
         split = _divided(tables, values, mark)
         settled = _in_both(split, values, tables, joined) if split is not None else None
         if settled is None:
@@ -82,6 +83,7 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows], *, all_of_it:
             split = replace(split, places=(where[0], where[1]))
             found.append(_in_words(split, tables, log.names, min(gone / excess[mark], 1.0)))
             values, tables = solved
+            tried, misses = {mark}, misses - 1
     due = sum(float(row.expected.sum()) for row in rows)
     explained = before - _cost(tables, values) > EXPLAINED * (before - due)
     return found if explained or not all_of_it else []

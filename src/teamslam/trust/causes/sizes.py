@@ -16,7 +16,7 @@ import numpy as np
 from teamslam.errors import TeamslamError
 from teamslam.geometry import IntArray
 from teamslam.joining.exact.gap import frame_of, point_of
-from teamslam.model import Dataset, Submap, Table, Values, index_of
+from teamslam.model import Dataset, Submap, Table, Values, index_of, told_by
 from teamslam.solver import Options, System, firm, optimise
 from teamslam.trust.cause import Cause
 from teamslam.trust.residuals import Rows
@@ -38,7 +38,7 @@ def wrong_sizes(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Caus
     excess = tally.cost - due
     bad = np.flatnonzero((excess > EXCESS) & (tally.cost > SUSPECT * due))
     values = point_of(joined)
-    tables = [t.select(t.told_by(values.layout)) for t in log.tables]
+    tables = told_by(log.tables, values.layout)
     found: list[Cause] = []
     for k in bad[np.argsort(-excess[bad])][:MOST].tolist():
         mark = int(tally.labels[k])

@@ -13,7 +13,7 @@ from itertools import groupby
 
 import numpy as np
 
-from teamslam.model import Dataset, Table, Values
+from teamslam.model import Dataset, Table, Values, told_by
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.alone import LIKE, SURE, Found, Mistake, mistake_of, names_of_slips, slip_of
 from teamslam.trust.causes.between import cost_at, unlikely_at, without_links
@@ -75,7 +75,7 @@ def _best(links: Dataset, robot: int, before: float, blind: Values) -> Iterator[
 
 def _typical(tables: Sequence[Table], values: Values) -> float:
     """The median squared residual, over what it should be, of rows whose poses are known; 0 of too few."""
-    known = [table.select(table.told_by(values.layout)) for table in tables]
+    known = told_by(tables, values.layout)
     sizes = [beside_median(np.sum(t.whitened(values) ** 2, -1), t.ranks) for t in known]
     found = np.concatenate([np.zeros(0), *sizes])
     return float(np.median(found)) if len(found) >= FEWEST else 0.0

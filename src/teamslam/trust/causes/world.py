@@ -23,7 +23,7 @@ from teamslam.errors import TeamslamError
 from teamslam.geometry import Array, Pose, align
 from teamslam.joining import build, join, split
 from teamslam.joining.exact.gap import point_of
-from teamslam.model import Dataset, Kind, Loss, Names, Table, Values, is_pose, pack
+from teamslam.model import Dataset, Kind, Loss, Names, Table, Values, is_pose, pack, told_by
 from teamslam.model.sensors import pose_of
 from teamslam.solver import Options, System, optimise
 from teamslam.trust.cause import Cause, rows_called
@@ -174,8 +174,7 @@ def _explained(log: Dataset, causes: Sequence[Cause], values: Values, written: S
 
 def _solved(log: Dataset, values: Values, motion: Pose) -> tuple[float, float]:
     """What all rows cost that speak of a map, solved from where a motion takes it, and what they should at most."""
-    tables = [table.select(table.told_by(values.layout)) for table in log.tables]
-    tables = [table for table in tables if len(table)]
+    tables = told_by(log.tables, values.layout)
     system = System(values.layout, tables=tables, fixed=np.zeros(0, np.int64))
     dof = sum(table.dof for table in tables) - values.layout.dof
     return optimise(system, values.transform(motion), QUICK).cost, float(max(dof, 1))
