@@ -10,7 +10,7 @@ import pytest
 import faults
 import teamslam as ts
 from teamslam.geometry import Array, Pose
-from teamslam.model import Dataset, Names, Table, Values, index_of, is_landmark, pack, pose_key, robot_of
+from teamslam.model import Dataset, Names, Table, Values, index_of, is_landmark, is_pose, pack, pose_key, robot_of
 from teamslam.model.sensors import pose_of
 from teamslam.oddities import oddities
 from teamslam.sim import Options, simulate
@@ -131,3 +131,22 @@ def test_a_truth_at_other_times() -> None:
     truth = parts[0] if len(parts) == 1 else parts[0].update(parts[1])
     found = list(oddities(replace(log, truth=truth)))
     assert len(found) == 1 and "robot 1: the truth lies at" in found[0] and "cannot be scored" in found[0]
+
+
+@pytest.mark.parametrize(("times", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds")])
+def test_stamps_of_one_robot_in_other_seconds(times: float, unit: str) -> None:
+    """And none where a robot writes a thousand times as often, or stays a thousand times as long."""
+    log = simulate("2d", 4)
+
+    def faster(table: Table) -> Table:
+        keys = np.where(
+            is_pose(table.keys) & (robot_of(table.keys) == 2), pose_key(2, (times * index_of(table.keys)).astype(int)),
+            table.keys,
+        )  # fmt: skip
+        return replace(table, keys=keys)
+
+    (told,) = (said for said in oddities(log.with_tables(map(faster, log.tables))) if unit in said)
+    assert told.startswith("robot 2: its way lasts ") and "expected seconds" in told
+    often = [t for t in log.tables if t.robot != 2]
+    few = [t.select(t.keys[:, 1] < pose_key(2, 10**7)) for t in log.tables if t.robot == 2 and t.is_odometry]
+    assert not any(unit in said for said in oddities(log.with_tables([*often, *few])))

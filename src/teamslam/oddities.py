@@ -3,6 +3,7 @@
 names      landmarks `1` and `1.0`, which are one number and two landmarks
 twice      rows that stand in two logs of a robot, or numbers of one robot in another's log
 truth      a truth that knows none of a robot's poses
+time       stamps of a robot that run a thousand, a million or a milliard times as fast as the others'
 mistakes   signs, units, axes and clocks that do not fit between odometry and sightings (see `trust.causes.told`)
 """
 
@@ -17,6 +18,8 @@ from teamslam.trust.causes.told import looks_like
 
 COPIED = 0.5  # of the rows of a log that another robot's holds too
 FEWEST = 5
+PARTS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}  # of a second
+ALIKE = 3.0  # times as long or as short, for stamps to be taken for those of one team
 
 
 def oddities(dataset: Dataset) -> Iterator[str]:
@@ -24,6 +27,7 @@ def oddities(dataset: Dataset) -> Iterator[str]:
     yield from _twin_names(dataset)
     yield from _in_two_logs(dataset)
     yield from _out_of_truth(dataset)
+    yield from _in_other_seconds(dataset)
     yield from (f"it looks like this: {cause.sentence}" for cause in looks_like(dataset))
 
 
@@ -118,3 +122,35 @@ def _out_of_truth(dataset: Dataset) -> Iterator[str]:
                 f"robot {names.robot(robot)}: the truth lies at {a:.3f} to {b:.3f}, its {len(poses)} poses at {c:.3f} "
                 f"to {d:.3f}, and none at the same stamp: it cannot be scored; do both clocks count from one zero?"
             )
+
+
+def _in_other_seconds(dataset: Dataset) -> Iterator[str]:
+    """Robots of which both the whole way and its steps last so many times as long as those of the others."""
+    names = dataset.names
+    stamps = {robot: names.stamps_s(np.sort(_driven(dataset, robot))) for robot in dataset.robots}
+    stamps = {robot: at for robot, at in stamps.items() if len(at) >= FEWEST}
+    if names.counts:
+        return
+    for robot, at in stamps.items():
+        others = [s for other, s in stamps.items() if other != robot]
+        if not others:
+            continue
+        span, step = (float(np.median([f(s) for s in others])) for f in (np.ptp, _step))
+        for times, unit in PARTS.items():
+            both = (np.ptp(at) / times / span, _step(at) / times / step)
+            if all(1.0 / ALIKE < part < ALIKE for part in both):
+                yield (
+                    f"robot {names.robot(robot)}: its way lasts {np.ptp(at):,.6g} s by its stamps, with a pose every "
+                    f"{_step(at):,.6g} s, where others' last {span:,.6g} s, with one every {step:,.6g} s; expected "
+                    f"seconds: are its stamps {unit}?"
+                )
+
+
+def _driven(dataset: Dataset, robot: int) -> AnyArray:
+    """The poses of a robot that its odometry ties."""
+    own = [t.keys for t in dataset.tables if t.robot == robot and t.is_odometry]
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *(keys.ravel() for keys in own)]))
+
+
+def _step(stamps: AnyArray) -> float:
+    return float(np.median(np.diff(stamps)))

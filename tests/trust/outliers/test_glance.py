@@ -76,7 +76,7 @@ def test_a_few_that_look_wrong_where_the_map_fits_are_counted() -> None:
     assert not result.verdict.gross and result.trust.wrong.decisions is None
     report = Record.of(result).report["rejected"]
     assert report["count"] >= 1 and "rows" not in report
-    assert "look wrong" in dict(outcome(Record.of(result).report))["wrong"]
+    assert "wrong at this map" in dict(outcome(Record.of(result).report))["wrong"]
 
 
 def _with_values(table, values: np.ndarray):
