@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import tag_walks
 import tagged_room
 import teamslam as ts
 from teamslam.frontend.tags.mirrored import turned
 from teamslam.frontend.tags.whole_poses import hypotheses
+from teamslam.geometry import Pose, concatenate
 from teamslam.joining import cost_of
-from teamslam.model import Dataset, Kind, Values, robot_of
+from teamslam.model import Dataset, Kind, Values, landmark_key, pose_key, robot_of
+from teamslam.solver import System, optimise
 from thinned import thinned
 
 
@@ -48,3 +52,26 @@ def test_a_tag_that_is_turned_is_turned_back(log: Dataset) -> None:
         assert back is not None
         here, there = (of.poses_of(np.array([key]), 3) for of in (values, back))
         assert np.linalg.norm(here.rotation - there.rotation) < 0.5
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_tag_seen_often_from_afar_is_turned_back_from_where_it_fits_best_the_other_way_round(seed: int) -> None:
+    """Of a hundred sightings from 8 m each tells its pose badly, and all of them where it stands: a pose of one of them
+    costs more than the optimum that is the wrong one."""
+    rng = np.random.default_rng(seed)
+    tag = Pose(Rotation.from_rotvec([0.0, 0.4, 0.0]).as_matrix(), np.array([8.0, 0.0, 0.0]))
+    tag = Pose(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) @ tag.rotation, tag.translation)
+    eyes = Pose(np.tile(np.eye(3), (100, 1, 1)), rng.uniform(-0.6, 0.6, (100, 3)))
+    keys = [(int(pose_key(1, k)), int(landmark_key(7))) for k in range(100)]
+    rows = tag_walks.corners_of(keys, np.array([tag_walks.corners_seen(rng, eye, tag) for eye in eyes]))
+    true = Values.of({Kind.POSE3: (np.array([*(k for k, _ in keys), keys[0][1]]), concatenate([eyes, tag[None]]))})
+    mark = np.array([keys[0][1]])
+    system = System(true.layout, tables=[rows], fixed=np.array([k for k, _ in keys]))
+    optima = [optimise(system, true)]
+    for eye, two in zip(eyes[:10], hypotheses(rows)[0][:10], strict=True):
+        optima += [optimise(system, true.update(Values.of({Kind.POSE3: (mark, eye[None] @ one[None])}))) for one in two]
+    best, worst = min(optima, key=lambda s: s.cost), max(optima, key=lambda s: s.cost)
+    assert worst.cost > best.cost + 1.0
+    assert turned(best.values, [rows]) is None
+    back = turned(worst.values, [rows])
+    assert back is not None and optimise(system, back).cost < best.cost + 0.1

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray, Pose, concatenate
+from teamslam.geometry import Array, BoolArray, IntArray, Pose, concatenate, so3
 from teamslam.geometry.resection import resect, slopes
 from teamslam.model import Kind, Table, pack, unpack, whitening_of_information
 
@@ -48,6 +48,13 @@ def as_relative_poses(table: Table) -> Table:
 def voted(table: Table, observers: Pose) -> tuple[IntArray, Pose]:
     """The targets (t,) of a table and where each stands (t,), seen from `observers` (m,) in space: of all that some of
     its rows may stand for, what they agree with best. Squared residuals count up to CUT: a misread has one voice."""
+    targets, _, stand = voted_but(table, observers, None, 0.0)
+    return targets, stand
+
+
+def voted_but(table: Table, observers: Pose, known: Pose | None, turned: float) -> tuple[IntArray, BoolArray, Pose]:
+    """The same, of what each row may stand for that is turned by more than `turned` [rad] against what is `known` of
+    its target (m,); and for which targets (t,) there is anything."""
     targets, of = np.unique(table.keys[:, 1], return_inverse=True)
     order = np.argsort(of, kind="stable")
     each = np.split(order, np.searchsorted(of[order], np.arange(1, len(targets))))
@@ -55,12 +62,17 @@ def voted(table: Table, observers: Pose) -> tuple[IntArray, Pose]:
     asked = np.concatenate([np.zeros(0, np.int64), *some])
     part, eyes = table.select(asked), observers[asked]
     poses, costs = hypotheses(part)
+    if known is not None:
+        here = np.swapaxes(known.rotation[asked], -1, -2)[:, None] @ (eyes.rotation[:, None] @ poses.rotation)
+        costs = np.where(np.linalg.norm(so3.log(here), axis=-1) > turned, costs, np.inf)
     ends = np.cumsum([len(rows) for rows in some])
+    spans = [np.arange(end - len(own), end) for own, end in zip(some, ends.tolist(), strict=True)]
+    some_pose = np.array([np.isfinite(costs[rows]).any() for rows in spans], bool)
     stand = [
-        _agreed(part.select(rows), eyes[rows], poses[rows], costs[rows])
-        for rows in (np.arange(end - len(own), end) for own, end in zip(some, ends.tolist(), strict=True))
+        _agreed(part.select(rows), eyes[rows], poses[rows], costs[rows]) if any_ else Pose.identity(3, (1,))
+        for rows, any_ in zip(spans, some_pose.tolist(), strict=True)
     ]
-    return targets, concatenate(stand) if stand else Pose.identity(3, (0,))
+    return targets, some_pose, concatenate(stand) if stand else Pose.identity(3, (0,))
 
 
 def _agreed(part: Table, eyes: Pose, poses: Pose, costs: Array) -> Pose:
