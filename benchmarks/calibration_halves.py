@@ -59,7 +59,7 @@ def main() -> None:
     for path in asked.logs:
         log = read(path)
         for name, halves in (("time", by_time(log)), ("robots", by_robots())):
-            one, other = (Half.of(log.with_tables(_cut(log, rows))) for rows in halves)
+            one, other = (Half.of(log.with_tables(cut(log, rows))) for rows in halves)
             assert log.truth is not None
             line = f"| {path.name}, {name} | {compared(one, other, log.truth)} |"
             print(line, flush=True)
@@ -131,7 +131,8 @@ def by_robots() -> tuple[Rows, Rows]:
     return lambda table: among(table, 1), lambda table: among(table, 0)
 
 
-def _cut(log: Dataset, rows: Rows) -> Iterator[Table]:
+def cut(log: Dataset, rows: Rows) -> Iterator[Table]:
+    """The tables of some rows."""
     for table in log.tables:
         part = table.select(np.flatnonzero(rows(table)))
         if len(part):

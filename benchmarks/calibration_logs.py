@@ -99,15 +99,22 @@ class Spent:
 
 def scores(result: Result) -> str:
     """The cells of one run."""
+    *nees, robots, landmarks = numbers(result)
+    rmse = ", ".join("" if np.isnan(x) else f"{x:.4f}" for x in (robots, landmarks))
+    marks, position, heading, landmark, whole = ("" if np.isnan(x) else f"{x:.2f}" for x in nees)
+    return f"{marks} | {position} | {heading} | {landmark} | {whole} | {rmse}"
+
+
+def numbers(result: Result) -> list[float]:
+    """NEES/dof of landmarks, positions, headings, each landmark and the whole, and the RMSE of robots and of landmarks
+    [m] of one run; NaN where there is no truth of it."""
     assert result.truth is not None
     found, truth, map = result.scores[0], result.truth, result.map
     marks = score(map, truth.select(is_landmark(truth.layout.keys)), covariances=None).nees_per_dof
     aligned = align_team(map, truth)
     assert aligned is not None
-    apart = one_by_one(map, aligned)
-    rmse = ", ".join("" if x is None else f"{x:.4f}" for x in (found.robot_position_rmse_m, found.landmark_rmse_m))
-    position, heading, landmark = ("" if np.isnan(x) else f"{x:.2f}" for x in apart)
-    return f"{marks:.2f} | {position} | {heading} | {landmark} | {found.nees_per_dof:.2f} | {rmse}"
+    told = (marks, *one_by_one(map, aligned), found.nees_per_dof, found.robot_position_rmse_m, found.landmark_rmse_m)
+    return [float("nan") if x is None else float(x) for x in told]
 
 
 def one_by_one(map: Submap, aligned: Aligned) -> tuple[float, float, float]:

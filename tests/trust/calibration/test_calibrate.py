@@ -1,12 +1,14 @@
 """Whole teams: a right model is left alone, and what is planted is found, put right, and leaves honest covariances."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from teamslam.config import Config
-from teamslam.model import Dataset
+from teamslam.io import read
+from teamslam.model import Dataset, is_pose, robot_of
 from teamslam.pipeline import Result, run
 from teamslam.trust.calibration import Calibration
 from trust.calibration.faulty import SCALE, VEER_RAD, long_steps, misstated, offset, persistent, team, veering
@@ -84,3 +86,13 @@ def test_where_errors_last_most_teams_are_within_their_own_band() -> None:
     results = [run(persistent(team(seed), 0.9), Config(method="full")) for seed in range(6)]
     inside = [c is not None and c.nees.inside for c in (r.scores[0].consistency for r in results)]
     assert sum(map(bool, inside)) >= 4  # 0.95 each by the model that is true; 0.16 by rows that are only tempered
+
+
+def test_a_few_real_robots_make_no_map_of_another_size(data: Callable[[str], Path]) -> None:
+    """Three robots of MRCLAM 6: what the scales of their ranges have in common is not odometry's error."""
+    log, robots = read(data("mrclam_6")), (1, 2, 3)
+    tables = [table for table in log.tables if table.robot in robots]
+    few = [np.isin(robot_of(table.keys), robots) | ~is_pose(table.keys) for table in tables]
+    part = log.with_tables(table.select(rows.all(-1)) for table, rows in zip(tables, few, strict=True))
+    stated, right = (run(part, Config(calibrate=calibrate)).scores[0] for calibrate in (False, True))
+    assert (right.landmark_rmse_m or 1.0) < 0.5 * (stated.landmark_rmse_m or 0.0)

@@ -8,7 +8,7 @@ from teamslam.joining import AtMap, build, full, split
 from teamslam.model import Names, Table, is_landmark, is_parameter, landmark_key, pose_key
 from teamslam.trust.calibration.calibrate import calibrate
 from teamslam.trust.calibration.carried import rows_inside
-from teamslam.trust.calibration.choice import chosen
+from teamslam.trust.calibration.choice import chosen, differences, posterior
 from teamslam.trust.calibration.estimate import estimate
 from teamslam.trust.calibration.fading import refined
 from teamslam.trust.calibration.persistence import WHITE, Curve, Pairs, Persistence, hanging, tempering
@@ -37,6 +37,24 @@ def test_what_is_there_is_chosen_and_only_that(kind: int) -> None:
     errors[groups == kind] = rng.normal(0.0, 0.3, 5)
     choice = chosen(information, information @ errors + root @ rng.standard_normal(60), groups, groups == 9)
     assert set(groups[choice.inside]) == {kind}
+
+
+def test_what_relative_errors_have_in_common_excuses_no_other_kind() -> None:
+    """Ranges beside odometry, robot by robot, and beside each other's. Odometry of all is too long by twice what ranges
+    differ by: found, and taken out but for a share by the priors, tau of ranges 0.12 and of odometry 0.2."""
+    robots, sharp, longer = 4, 0.02, 0.2
+    differ = differences(robots).T
+    effects = np.block([[np.eye(robots), -np.eye(robots)], [np.zeros((robots - 1, robots)), -differ]]) / sharp
+    errors = np.concatenate([np.full(robots, longer), 0.5 * longer * np.array([1.0, -1.0, 1.0, -1.0])])
+    groups, relative = np.repeat([0, 1], robots), np.repeat([False, True], robots)
+    information = effects.T @ effects
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal(len(effects))
+        told = information @ errors + effects.T @ noise
+        choice = chosen(information, told, groups, relative)
+        assert set(groups[choice.inside]) == {0, 1}
+        p, _ = posterior(information, told, choice.tau)
+        assert p[:robots].mean() == pytest.approx(longer * 0.2**2 / (0.2**2 + 0.12**2), rel=0.15)
 
 
 def _looks(count: int, targets: int = 4) -> Table:

@@ -9,7 +9,12 @@ the team itself shows (empirical Bayes). For kinds A with their priors T = diag(
 is the marginal likelihood beside that of none. The next kind in is that which raises it most, at its best tau, if
 chance alone does so in fewer than one team of a hundred, whatever the number of candidates (Bonferroni; twice the rise
 is chi-square with one degree of freedom, or less). Then every tau is fitted again, and kinds that others have made
-needless go out. Of kinds that are `relative` (see `terms`) tau is fitted to how they differ alone.
+needless go out.
+
+Of kinds that are `relative` (see `terms`) all this is of how they differ alone. What they have in common says of the
+data what another kind says as well (ranges are too short, or odometry too long), and would come in with the differences
+unasked. So it excuses nobody: other kinds are chosen, and their tau fitted, as if there were none. Of what is chosen it
+is a part like any other, uncertain by as much as they differ, so that both share what the data leave between them.
 """
 
 from dataclasses import dataclass
@@ -39,28 +44,29 @@ class Choice:
 
 def chosen(information: Array, gradient: Array, groups: IntArray, relative: BoolArray) -> Choice:
     """The kinds that the data speak of, from S (k, k), g (k,) and which kind each error is of (k,), some `relative`."""
+    axes, owners = _told(groups, relative)
+    seen, slope = axes.T @ information @ axes, axes.T @ gradient
     kinds = np.unique(groups).tolist()
     level = 0.5 * chi2_quantile(1.0 - 2.0 * FALSE_ALARM / max(len(kinds), 1), 1)
     taus: dict[int, float] = {}
     while True:
-        beside = _beside(information, gradient, groups, taus)
-        offers = [(*_offer(*beside, groups, relative, kind), kind) for kind in kinds if kind not in taus]
+        beside = _beside(seen, slope, owners, taus)
+        offers = [(*_offer(*beside, owners, kind), kind) for kind in kinds if kind not in taus]
         gain, tau, kind = max(offers, default=(0.0, 0.0, -1))
         if gain <= level:
             break
         taus[kind] = tau
-        taus = _refitted(information, gradient, groups, relative, taus)
+        taus = _refitted(seen, slope, owners, taus)
     while taus:
         losses = []
         for kind in taus:
             others = {k: t for k, t in taus.items() if k != kind}
-            beside = _beside(information, gradient, groups, others)
-            losses.append((_offer(*beside, groups, relative, kind)[0], kind))
+            losses.append((_offer(*_beside(seen, slope, owners, others), owners, kind)[0], kind))
         loss, kind = min(losses)
         if loss > level:
             break
         del taus[kind]
-        taus = _refitted(information, gradient, groups, relative, taus)
+        taus = _refitted(seen, slope, owners, taus)
     inside = np.flatnonzero(np.isin(groups, list(taus)))
     return Choice(inside, np.array([taus[kind] for kind in groups[inside].tolist()]))
 
@@ -77,6 +83,18 @@ def differences(count: int) -> Array:
     return np.linalg.qr(np.eye(count) - 1.0 / count)[0][:, : count - 1]
 
 
+def _told(groups: IntArray, relative: BoolArray) -> tuple[Array, IntArray]:
+    """What of the errors (k,) evidence is of, orthonormal (k, n): each alone, of `relative` kinds how they differ; and
+    the kind of each of these (n,)."""
+    axes, owners = [np.zeros((len(groups), 0))], [np.zeros(0, groups.dtype)]
+    for kind in np.unique(groups).tolist():
+        mine = np.flatnonzero(groups == kind)
+        each = np.eye(len(groups))[:, mine]
+        axes.append(each @ differences(len(mine)) if relative[mine[0]] else each)
+        owners.append(np.full(axes[-1].shape[1], kind))
+    return np.concatenate(axes, 1), np.concatenate(owners)
+
+
 def _beside(information: Array, gradient: Array, groups: IntArray, taus: dict[int, float]) -> tuple[Array, Array]:
     """S and g of all errors when those that are in are eliminated."""
     inside = np.flatnonzero(np.isin(groups, list(taus)))
@@ -88,39 +106,31 @@ def _beside(information: Array, gradient: Array, groups: IntArray, taus: dict[in
     return information - across.T @ solved, gradient - solved.T @ gradient[inside]
 
 
-def _offer(
-    information: Array, gradient: Array, groups: IntArray, relative: BoolArray, kind: int
-) -> tuple[float, float]:
+def _offer(information: Array, gradient: Array, groups: IntArray, kind: int) -> tuple[float, float]:
     """By how much a kind raises log L at most, and the tau that does so; from S and g beside those that are in."""
     mine = np.flatnonzero(groups == kind)
-    own, left = information[np.ix_(mine, mine)], gradient[mine]
-    if relative[mine[0]]:
-        differ = differences(len(mine))
-        own, left = differ.T @ own @ differ, differ.T @ left
+    own = information[np.ix_(mine, mine)]
     sizes, axes = np.linalg.eigh(0.5 * (own + own.T))
-    sizes, along = np.maximum(sizes, 0.0), (axes.T @ left) ** 2
+    sizes, along = np.maximum(sizes, 0.0), (axes.T @ gradient[mine]) ** 2
     grown = 1.0 + TAUS[:, None] ** 2 * sizes
     gains = 0.5 * np.sum(along * TAUS[:, None] ** 2 / grown - np.log(grown), -1)
     best = int(np.argmax(gains))
     return float(gains[best]), float(TAUS[best])
 
 
-def _refitted(
-    information: Array, gradient: Array, groups: IntArray, relative: BoolArray, taus: dict[int, float]
-) -> dict[int, float]:
+def _refitted(information: Array, gradient: Array, groups: IntArray, taus: dict[int, float]) -> dict[int, float]:
     """All tau of greatest marginal likelihood, from where they are, by MacKay's rule: tau^2 = |p|^2 / gamma, with
     gamma = sum (1 - sigma^2 / tau^2) how many of the p the data tell."""
     inside = np.flatnonzero(np.isin(groups, list(taus)))
     information, gradient = information[np.ix_(inside, inside)], gradient[inside]
     members = {kind: np.flatnonzero(groups[inside] == kind) for kind in taus}
-    axes = {k: differences(len(at)) if relative[inside[at[0]]] else np.eye(len(at)) for k, at in members.items()}
     for _ in range(ROUNDS):
         tau = np.array([taus[k] for k in groups[inside].tolist()])
         values, covariance = posterior(information, gradient, tau)
         before = dict(taus)
         for kind, at in members.items():
-            p, spread = axes[kind].T @ values[at], axes[kind].T @ covariance[np.ix_(at, at)] @ axes[kind]
-            told = len(p) - float(np.trace(spread)) / taus[kind] ** 2
+            p, spread = values[at], np.diag(covariance)[at]
+            told = len(p) - float(spread.sum()) / taus[kind] ** 2
             taus[kind] = float(np.clip(np.sqrt(p @ p / max(told, 1e-9)), TAUS[0], TAUS[-1]))
         if all(abs(np.log(taus[kind] / before[kind])) < SETTLED for kind in taus):
             break

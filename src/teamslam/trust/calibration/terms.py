@@ -19,7 +19,7 @@ The effect is taken at the prediction h, never at the measured z: noise of z tim
 
 Ranges are the measure of a map: what lengthens all ranges of all robots alike, nobody sees. So offset and `depth` are
 taken beside the scale (of 1 and of r (cos b - 1), what is in proportion to r is left out), and of the scales of a team
-only how they differ is taken from the data (`relative`); odometry's scale is then seen against ranges. What the scales
+only how they differ is evidence (`relative`); odometry's scale is then seen against ranges (`choice`). What the scales
 have in common stays uncertain by as much as they differ, divided by the root of their number.
 """
 
