@@ -10,6 +10,7 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.io.files.grid import Words, decoded
+from teamslam.io.files.no_number import no_number
 
 LIKE = 0.75  # of a misspelt name's letters, about, are those of the right one
 NOISE = ("sigma", "cov_", "inf_")  # what columns of noise begin with
@@ -133,6 +134,4 @@ def _number(cell: str, name: str, path: Path, line: int) -> float:
     try:
         return float(cell)
     except ValueError:
-        comma = " (decimal commas are not read: write a point)" if cell.count(",") == 1 else ""
-        shown = cell if len(cell) <= 40 else cell[:37] + "..."
-        raise InputError(f"expected a number, found '{shown}'{comma}", path=path, line=line, field=name) from None
+        raise InputError(no_number(cell), path=path, line=line, field=name) from None

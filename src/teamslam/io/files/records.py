@@ -15,6 +15,7 @@ from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.io.files.delimited import read_text
 from teamslam.io.files.garbage import uncollected
 from teamslam.io.files.grid import decoded
+from teamslam.io.files.no_number import no_number
 
 LONGEST_WORD = 60  # shown in a message
 LARGEST = 1e100  # no measurement is larger, and its square is still a number
@@ -118,8 +119,7 @@ class Records:
         try:
             value = float(word)
         except ValueError:
-            comma = " (decimal commas are not read: write a point)" if word.count(",") == 1 else ""
-            raise self.error(row, f"expected a number, found '{word[:LONGEST_WORD]}'{comma}", name) from None
+            raise self.error(row, no_number(word), name) from None
         if not abs(value) < LARGEST:
             raise self.error(row, f"expected a finite number, found '{word}'; remove the row or mend the value", name)
         return value

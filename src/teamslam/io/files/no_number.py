@@ -1,0 +1,17 @@
+"""What is said of a cell that should hold a number and does not."""
+
+import re
+
+LONGEST = 40
+DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+
+
+def no_number(cell: str) -> str:
+    """What was found in place of a number, with its cure where it looks like one that was written in another way."""
+    shown = cell if len(cell) <= LONGEST else cell[: LONGEST - 3] + "..."
+    cure = ""
+    if cell.count(",") == 1:
+        cure = " (decimal commas are not read: write a point)"
+    elif DATE.match(cell):
+        cure = " (dates are not read: write seconds since any start, as pandas' (t - t[0]).dt.total_seconds() does)"
+    return f"expected a number, found '{shown}'{cure}"
