@@ -2,6 +2,7 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 
 import recordings
@@ -63,3 +64,24 @@ def test_robots_by_their_names_have_the_truth_that_names_them(tmp_path):
 def test_cameras_have_names_of_their_own(tmp_path, topics, names):
     (robot,), _ = proposed(tmp_path, [], topics)
     assert [camera["name"] for camera in robot["camera"]] == names
+
+
+@pytest.mark.parametrize(
+    ("topics", "proposed_ones"),
+    [
+        (["/c/image_raw", "/c/image_rect_color", "/c/image_raw/compressed"], [("/c/image_raw", False)]),
+        (["/c/image_rect", "/c/image_rect/compressed"], [("/c/image_rect", True)]),
+        (["/c/left/image_rect", "/c/right/image_raw"], [("/c/left/image_rect", True), ("/c/right/image_raw", False)]),
+    ],
+)
+def test_of_the_images_of_one_camera_one_is_proposed(tmp_path, topics, proposed_ones):
+    """Raw ones before those that were made of them: the same tags seen twice would count twice."""
+    grey, messages = np.zeros((8, 8), np.uint8), []
+    for topic in topics:
+        made = recordings.compressed(topic, 10**18, b"") if topic.endswith("compressed") else None
+        messages.append(made or recordings.image(topic, 10**18, grey))
+    for parent in {topic.split("/image")[0] for topic in topics}:
+        messages.append(recordings.camera_info(f"{parent}/camera_info", 10**18, (9.0, 9.0), (4.0, 4.0), (8, 8)))
+    (robot,) = tomllib.loads(proposal(contents(recordings.write(tmp_path, "mcap", messages))))["robot"]
+    found = [(camera["images"], camera.get("rectified", False)) for camera in robot["camera"]]
+    assert found == proposed_ones

@@ -186,3 +186,22 @@ def test_a_calibration_is_a_topic_however_it_is_spelt(tmp_path, topic):
     (robot,) = read_team_file(tmp_path / "team.toml").robot
     (camera,) = cameras_of(robot, tmp_path)
     assert camera.focal == (300.0, 310.0) and camera.size == (320, 240)
+
+
+def test_rectified_images_are_of_the_matrix_of_rectified_images(tmp_path):
+    """A detector that looked at image_rect: K and D of the raw image say nothing of its corners, P does."""
+    new = np.array([280.0, 0, 150, 0, 0, 290.0, 110, 0, 0, 0, 1, 0])
+    camera = recordings.camera_info(
+        "/c/camera_info", 10**18, (300.0, 310.0), (160.0, 120.0), (320, 240), (-0.3, 0.1, 0.0, 0.0, 0.0), matrix=new
+    )
+    corners = [[90.0, 140.0], [140.0, 140.0], [140.0, 90.0], [90.0, 90.0]]
+    path = recordings.write(tmp_path, "mcap", [camera, recordings.detections("/c/tags", 10**18, [(3, corners)])])
+    text = proposal(contents(path))
+    (tmp_path / "team.toml").write_text(text.replace("# rectified", "rectified"))
+    (robot,) = read_team_file(tmp_path / "team.toml").robot
+    (camera,) = cameras_of(robot, tmp_path)
+    np.testing.assert_allclose(camera.project(np.array([0.1, -0.2, 1.0])), [150 + 28, 110 - 58])
+    (tmp_path / "team.toml").write_text(text.replace("# rectified", "rectified").replace("/c/camera_info", "c.yaml"))
+    (robot,) = read_team_file(tmp_path / "team.toml").robot
+    with pytest.raises(InputError, match="without distortion, and leave `rectified` out"):
+        cameras_of(robot, tmp_path)

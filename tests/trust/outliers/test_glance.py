@@ -81,3 +81,20 @@ def test_a_few_that_look_wrong_where_the_map_fits_are_counted() -> None:
 
 def _with_values(table, values: np.ndarray):
     return replace(table, values=values)
+
+
+def test_tags_that_a_robot_carries_and_nobody_says_so_are_named(tmp_path):
+    """Cubes of tags on two robots that the team file does not know: no place fits them, and all others have theirs."""
+    import re
+
+    import tagged_room
+    import teamslam as ts
+
+    team = tagged_room.write(tagged_room.make(seconds=40.0, rate=3.0), tmp_path)
+    team.write_text(re.sub(r"\[\[robot.tag\]\]\n(?:.+\n){3}", "", team.read_text()))
+    wrong = run(ts.read(team)).trust.wrong
+    said = [sentence for sentence in wrong.sentences() if sentence.startswith("no place fits")]
+    assert len(said) == 1
+    named = {int(number) for number in re.findall(r"\d+", said[0].split(" sightings")[0].rsplit(", ", 1)[0])}
+    carried = {number for cube in tagged_room.CUBES for number in cube}
+    assert named and named <= carried

@@ -48,8 +48,9 @@ def read_camera(path: Path, name: str | None = None, topics: Sequence[str] = ())
     return _kalibr(several[name or (fitting or list(several))[0]], path)
 
 
-def camera_in(recording: Recording, topic: str) -> Camera:
-    """The camera of the first `camera_info` on a topic that is calibrated. InputError where there is none."""
+def camera_in(recording: Recording, topic: str, *, rectified: bool = False) -> Camera:
+    """The camera of the first `camera_info` on a topic that is calibrated; of images that were `rectified` by it, which
+    its P is of and no distortion. InputError where there is none."""
     if topic not in recording.topics:
         listing = ", ".join(n for n, (types, _) in recording.topics.items() if "CameraInfo" in types[0]) or "none"
         raise InputError(f"there is no topic {topic}; of camera_info this recording has {listing}", path=recording.path)
@@ -59,6 +60,11 @@ def camera_in(recording: Recording, topic: str) -> Camera:
         if len(matrix) == 9 and matrix[0] > 0.0:
             numbers = np.asarray(getattr(found, "D", getattr(found, "d", ())), float).ravel()
             size = int(getattr(found, "width", 0)), int(getattr(found, "height", 0))
+            if rectified:
+                p = np.asarray(getattr(found, "P", getattr(found, "p", ())), float).ravel()
+                if len(p) != 12 or not p[0] > 0.0:
+                    raise InputError(f"{topic} says nothing of rectified images (its P is zero)", path=recording.path)
+                return _made(p.reshape(3, 4)[:, :3].ravel(), np.zeros(0), "", size, recording.path)
             return _made(matrix, numbers, str(getattr(found, "distortion_model", "")), size, recording.path)
     raise InputError(f"{topic} holds no calibrated camera (its K is zero, or nothing came)", path=recording.path)
 

@@ -78,10 +78,19 @@ def _seeing(found: Contents) -> Sequence[TopicContents]:
 
 
 def _images(found: Contents) -> list[TopicContents]:
-    """The topics of images in which tags can be: none of depth, and of a camera's raw and compressed images one."""
+    """The topics of images in which tags can be: none of depth, and of those that one camera has (raw, rectified, in
+    colour, compressed) one: not compressed before compressed, raw before others."""
     topics = [topic for topic in found.of_role("image") if "depth" not in topic.name.lower()]
-    names = {topic.name for topic in topics}
-    return [topic for topic in topics if topic.name.removesuffix("/compressed") not in names - {topic.name}]
+    best: dict[str, TopicContents] = {}
+    for topic in sorted(topics, key=lambda t: (t.name.endswith("/compressed"), not _plain(t).endswith("raw"), t.name)):
+        name = PurePosixPath(_plain(topic))
+        best.setdefault(str(name.parent) if name.name.startswith("image") else str(name), topic)
+    return [topic for topic in topics if topic in best.values()]
+
+
+def _plain(topic: TopicContents) -> str:
+    """A topic's name, compressed or not."""
+    return topic.name.removesuffix("/compressed")
 
 
 def _depths(found: Contents) -> list[TopicContents]:
@@ -99,6 +108,10 @@ def _camera(topic: TopicContents, called: str, found: Contents) -> Iterator[str]
     beside = [c for c in found.of_role("calibration") if PurePosixPath(c.name).parent in (parent, parent.parent)]
     if beside:
         yield f"calibration = {_text(beside[0].name)}"
+        if topic.role == "image" and "rect" in PurePosixPath(_plain(topic)).name:
+            yield "rectified = true"
+        elif topic.role == "tags":
+            yield "# rectified = true  # ? the detector looked at images that were rectified (image_rect)"
     else:
         yield 'calibration = "calibration.yaml"  # ? no camera_info beside it: a file of ROS, OpenCV, Kalibr, ...'
     if deep := [t for t in _depths(found) if _space(t.name) == _space(topic.name)]:

@@ -103,7 +103,13 @@ def _calibrated(camera: CameraEntry, folder: Path, recording: Recording | None) 
     file = (folder / camera.calibration).is_file()
     topic = camera.calibration.startswith("/") and "." not in camera.calibration  # of which no topic has one
     if recording is not None and not file and (topic or camera.calibration in recording.topics):
-        return camera_in(recording, camera.calibration)
+        return camera_in(recording, camera.calibration, rectified=camera.rectified)
+    if camera.rectified:
+        raise InputError(
+            "only a topic of camera_info says what rectified images are like; of a file give the calibration of these, "
+            "without distortion, and leave `rectified` out",
+            field="robot.camera.rectified",
+        )
     topics = () if recording is None else (camera.tags or camera.images,)
     return read_camera(folder / camera.calibration, camera.calibration_name, topics)
 

@@ -114,12 +114,13 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     """A camera of a robot, with a topic of detections (`tags`) or of images, in which tags are looked for; where the
     robot's recording is a video or a folder of images, `images` is a pattern of their names (of a video anything), and
     `rate_hz` says how many there are a second where these are no stamps, or `stamps` names a list of them
-    (`io.bags.image_stamps`). `depth` is a topic of images of depth, registered to those in which tags are seen, pixel
-    for pixel, and `depth_floor` the share of the distance by which all of them may be off. `floor_px` and `edge_px` are
-    the corners' noise (frontend.tags.noise); `delay_s` is how long before its stamp the middle line of an image was
-    taken; `line_s` is how much later than the line above each line is read, 0 where all are exposed at once (below
-    zero: from below); `focal_scale` is how much longer its focal lengths are than its calibration says, and `centre_px`
-    how much farther right and down its principal point is. `sigma` says how well these are known."""
+    (`io.bags.image_stamps`). `rectified`: the images, or those in which a detector found its corners, were rectified by
+    the `camera_info` that is its calibration. `depth` is a topic of images of depth, registered to those in which tags
+    are seen, pixel for pixel, and `depth_floor` the share of the distance by which all of them may be off. `floor_px`
+    and `edge_px` are the corners' noise (frontend.tags.noise); `delay_s` is how long before its stamp the middle line
+    of an image was taken; `line_s` is how much later than the line above each line is read, 0 where all are exposed at
+    once (below zero: from below); `focal_scale` is how much longer its focal lengths are than its calibration says, and
+    `centre_px` how much farther right and down its principal point is. `sigma` says how well these are known."""
 
     name: str
     tags: str = ""
@@ -129,6 +130,7 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
     depth: str = ""
     calibration: str
     calibration_name: str | None = None
+    rectified: bool = False
     floor_px: float = 0.5
     edge_px: float = 0.5
     depth_floor: float = 0.005

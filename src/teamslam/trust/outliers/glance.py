@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from teamslam.errors import TeamslamError
-from teamslam.model import Dataset, Names, Table
+from teamslam.model import Dataset, Names, Table, index_of, is_landmark
 from teamslam.trust.cause import rows_called
 from teamslam.trust.evidence import Fit
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
@@ -22,6 +22,8 @@ from teamslam.trust.residuals import Rows
 
 ROUNDS = 3
 LONG = 20_000  # sightings of a log that are looked at once only
+ADRIFT = 0.75  # of a landmark's sightings look wrong: no place fits it,
+OFTEN = 6  # of so many at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +81,47 @@ def fits_of(found: Sequence[Glance]) -> dict[int, Fit]:
     return fits
 
 
+@dataclass(frozen=True)
+class Adrift:
+    """Landmarks `marks` (keys) that no place fits: of their `rows` sightings so many look `wrong`."""
+
+    marks: tuple[int, ...]
+    wrong: int
+    rows: int
+
+    def sentence(self, names: Names) -> str:
+        """Which, and what that may be."""
+        called = [names.landmark(int(index_of(mark))) for mark in self.marks]
+        several = len(called) > 1
+        which = f"landmarks {', '.join(called[:-1])} and {called[-1]}" if several else f"landmark {called[0]}"
+        they, their, them = ("they", "their names", "them") if several else ("it", "its name", "it")
+        return (
+            f"no place fits {which}, {self.wrong:,} of {self.rows:,} sightings look wrong: {they} moved all the time "
+            f"(on a robot, or carried about), {their} stood at many places, or what is stated of {them} is wrong"
+        )
+
+
+def adrift(residuals: Sequence[Rows], found: Sequence[Glance]) -> Adrift | None:
+    """The landmarks nearly all sightings of which look wrong, whoever saw them; None where there are none."""
+    seen = [rows.table.keys[:, -1] for rows in residuals if rows.table.source != "odometry"]
+    marks, rows = np.unique(np.concatenate([np.zeros(0, np.int64), *seen]), return_counts=True)
+    wrong = np.zeros(len(marks), np.int64)
+    for glance in found:
+        np.add.at(wrong, np.searchsorted(marks, glance.which.keys[:, -1]), 1)
+    lost = is_landmark(marks) & (rows >= OFTEN) & (wrong >= ADRIFT * rows)
+    if not lost.any():
+        return None
+    return Adrift(tuple(marks[lost].tolist()), int(wrong[lost].sum()), int(rows[lost].sum()))
+
+
 @dataclass(frozen=True, eq=False)
 class Wrong:
-    """Sightings that look wrong at a map that was made of all of them, by a `glance`; where the map does not fit,
-    `decisions` on which they are, made of `log`. Nothing was left out."""
+    """Sightings that look wrong at a map that was made of all of them, by a `glance`, and landmarks that no place fits
+    (`adrift`); where the map does not fit, `decisions` on which they are, made of `log`. Nothing was left out."""
 
     glance: tuple[Glance, ...]
     names: Names
+    adrift: Adrift | None = None
     log: Dataset | None = None
     decisions: Decisions | None = None
 
@@ -95,12 +131,15 @@ class Wrong:
             yield from sentences_on_sightings(self.decisions)
         else:
             yield from sentences_at_a_glance(self.glance, self.names)
+        if self.adrift is not None:
+            yield self.adrift.sentence(self.names)
 
 
 def looks_wrong(log: Dataset, residuals: Sequence[Rows], *, fits: bool, probability: float | None = None) -> Wrong:
     """What looks wrong of a log by what it leaves at its map; where that does not fit at all (`fits`), and it is no
     very long log, found as it would be to leave it out. `probability`: that a sighting is wrong; None: by the data."""
-    found = Wrong(at_a_glance(residuals), log.names)
+    glance = at_a_glance(residuals)
+    found = Wrong(glance, log.names, adrift=adrift(residuals, glance))
     sightings = sum(len(table) for table in log.tables if table.source != "odometry")
     if fits or not found.glance or sightings > LONG:
         return found
