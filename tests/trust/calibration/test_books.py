@@ -44,3 +44,13 @@ def test_residuals_of_a_run_are_those_of_every_row() -> None:
     log = misstated(team(1, poses=60), 2.0)
     found = run(log)
     assert found.calibration and len(found.residuals()) == sum(map(len, log.tables))
+
+
+def test_what_was_in_no_map_is_in_none_of_the_log_put_right_for_the_same_reasons() -> None:
+    log = misstated(_seen_once_from_nowhere(team(1, "range", poses=60)), 2.0)
+    before, after = (run(log, Config(calibrate=calibrate)).joined for calibrate in (False, True))
+    assert len(before.left_out) == 2
+    assert [(out.what, out.count, out.reason) for out in before.left_out] == [
+        (out.what, out.count, out.reason) for out in after.left_out
+    ]
+    assert not after.searched  # its submaps lie where the map before had them

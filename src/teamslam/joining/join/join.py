@@ -210,7 +210,8 @@ def _fallen_apart(
 
 
 def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:
-    """The submaps where an earlier join has them; None where it has not all of them, or in several ways."""
+    """The submaps where an earlier join has them, and alone those that by its books are in none of its maps; None where
+    it has not all of them, or in several ways."""
     number, clusters = {submap.id: n for n, submap in enumerate(submaps)}, []
     for component in near.components:
         inside = sorted(number.pop(name) for name in component.members if name in number)
@@ -218,7 +219,17 @@ def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:
         if not frames or component.dearer:
             return None
         clusters.append(Cluster(inside, frames))
-    return None if number else Placement(clusters, [*near.reasons])
+    alone = [(n, _why_out(submaps[n], near)) for n in number.values()]
+    if any(why is None for _, why in alone):
+        return None
+    clusters += [Cluster([n], [Pose.identity(submaps[n].base_dim)]) for n, _ in alone]
+    return Placement(clusters, [*near.reasons, *(why or "" for _, why in alone)])
+
+
+def _why_out(submap: Submap, near: Joined) -> str | None:
+    """Why an earlier join holds a submap in none of its maps, by its books; None where these do not speak of it."""
+    reason = next((out.reason for out in near.left_out if (out.keys == submap.base).any()), None)
+    return reason and reason.split(f"; {submap.names.describe(submap.base)} stands alone: ")[0]
 
 
 def in_order(submaps: Iterable[Submap]) -> list[Submap]:
