@@ -93,6 +93,7 @@ def test_tags_that_a_robot_carries_and_nobody_says_so_are_named(tmp_path):
     team = tagged_room.write(tagged_room.make(seconds=40.0, rate=3.0), tmp_path)
     team.write_text(re.sub(r"\[\[robot.tag\]\]\n(?:.+\n){3}", "", team.read_text()))
     wrong = run(ts.read(team)).trust.wrong
+    assert all("of robot robot" in told and ", front" in told for told in [*wrong.sentences()][:-1])
     said = [sentence for sentence in wrong.sentences() if sentence.startswith("no place fits")]
     assert len(said) == 1
     named = {int(number) for number in re.findall(r"\d+", said[0].split(" sightings")[0].rsplit(", ", 1)[0])}

@@ -68,6 +68,7 @@ def sentences_at_a_glance(found: Sequence[Glance], names: Names) -> Iterator[str
     for glance in sorted(found, key=lambda glance: (-glance.wrong / glance.rows, glance.robot)):
         counted = (
             f"{glance.wrong:,} of {glance.rows:,} {rows_called(glance.source)} of robot {names.robot(glance.robot)}"
+            f"{f', {glance.which.called}' if glance.which.called else ''}"
         )
         yield counted + in_brackets(glance.which.keys, names)
 
