@@ -8,7 +8,7 @@ import pytest
 
 from teamslam.config import Config
 from teamslam.io import read
-from teamslam.model import Dataset, is_pose, robot_of
+from teamslam.model import Dataset, is_parameter, is_pose, robot_of
 from teamslam.pipeline import Result, run
 from teamslam.trust.calibration import Calibration
 from trust.calibration.faulty import SCALE, VEER_RAD, long_steps, misstated, offset, persistent, team, veering
@@ -90,9 +90,24 @@ def test_where_errors_last_most_teams_are_within_their_own_band() -> None:
 
 def test_a_few_real_robots_make_no_map_of_another_size(data: Callable[[str], Path]) -> None:
     """Three robots of MRCLAM 6: what the scales of their ranges have in common is not odometry's error."""
-    log, robots = read(data("mrclam_6")), (1, 2, 3)
-    tables = [table for table in log.tables if table.robot in robots]
-    few = [np.isin(robot_of(table.keys), robots) | ~is_pose(table.keys) for table in tables]
-    part = log.with_tables(table.select(rows.all(-1)) for table, rows in zip(tables, few, strict=True))
+    part = _of_few(read(data("mrclam_6")), (1, 2, 3))
     stated, right = (run(part, Config(calibrate=calibrate)).scores[0] for calibrate in (False, True))
     assert (right.landmark_rmse_m or 1.0) < 0.5 * (stated.landmark_rmse_m or 0.0)
+
+
+@pytest.mark.parametrize("robots", [(2, 5), (2, 4, 5)])
+def test_what_a_map_carries_makes_no_information_that_nothing_has(
+    data: Callable[[str], Path], robots: tuple[int, ...]
+) -> None:
+    """Errors that fade move a map of few robots far once how rows differ is known: its information is that of one
+    place still, and positive definite."""
+    (one,) = run(_of_few(read(data("mrclam_6")), robots), Config(method="full")).maps
+    assert is_parameter(one.values.layout.keys).any()
+    assert np.linalg.eigvalsh(one.information.toarray())[0] > 0.0
+
+
+def _of_few(log: Dataset, robots: tuple[int, ...]) -> Dataset:
+    """What some robots measured of each other and of landmarks."""
+    tables = [table for table in log.tables if table.robot in robots]
+    few = [np.isin(robot_of(table.keys), robots) | ~is_pose(table.keys) for table in tables]
+    return log.with_tables(table.select(rows.all(-1)) for table, rows in zip(tables, few, strict=True))

@@ -38,22 +38,24 @@ def carrying(
     over these, how they differ and p together. Itself where none of the errors is of its rows, nor any say how they
     differ.
     """
-    submap = sharpened(submap, tables, changes)
+    given = submap.all_values if submap.base >= 0 else submap.values
+    submap, step = sharpened(submap, tables, changes)
     touched = [(table, [error.on(table) for error in known]) for table in tables if len(table)]
     mine = [j for j in range(len(known)) if any(effects[j] is not None for _, effects in touched)]
     if not mine:
         return submap
-    values = submap.all_values if submap.base >= 0 else submap.values
     prior = np.array([known[j].prior for j in mine])
     mean = np.array([known[j].value for j in mine]) / prior
     cross, own, slope = np.zeros((submap.dof, len(mine))), np.eye(len(mine)), -mean
     touched = [(table, effects) for table, effects in touched if any(effect is not None for effect in effects)]
-    held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
-    linear = linearised([table for table, _ in touched], values, held, submap.names)
+    held = given.layout.keys[~submap.values.layout.contains(given.layout.keys)]
+    # As the information is, at the map that was given: elsewhere the two together may be that of no map.
+    linear = linearised([table for table, _ in touched], given, held, submap.names)
     for (table, effects), (error, jacobian) in zip(touched, linear, strict=True):
         places = [n for n, j in enumerate(mine) if effects[j] is not None]
         whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
         weight = table.loss.weight(np.sum(np.einsum("mij,mj->mi", whitening, error) ** 2, -1))
+        error = error - (jacobian @ step).reshape(error.shape)
         information = weight[:, None, None] * np.swapaxes(whitening, 1, 2) @ whitening
         effect = np.stack([prior[n] * effects[mine[n]] for n in places], -1)
         weighed = (information @ effect).reshape(error.size, len(places))
@@ -69,18 +71,19 @@ def carrying(
     return bordered(submap, cross, own, slope, mean)
 
 
-def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> Submap:
+def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> tuple[Submap, Array]:
     """The submap of rows that were put right, by what those that follow each other say of how they differ as well: its
-    information, and its estimate one step further, at the optimum over both. Itself where they say nothing of it."""
+    information, and its estimate one step (dof,) further, at the optimum over both. Itself where they say nothing of
+    it, with no step."""
     values = submap.all_values if submap.base >= 0 else submap.values
     held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
     told = beyond(tables, changes, values, held, submap.names)
     if told is None:
-        return submap
+        return submap, np.zeros(submap.dof)
     more, slope, _ = told
     information = sp.csr_array(submap.information + more)
     step = Factor.of(submap.values.layout, information, submap.names, submap.values).solve(slope)
-    return replace(submap, values=submap.values.retract(step), information=information)
+    return replace(submap, values=submap.values.retract(step), information=information), step
 
 
 def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
