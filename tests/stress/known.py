@@ -2,5 +2,6 @@
 
 KNOWN: dict[tuple[str, int], tuple[str, ...]] = {
     ("small", 1000003): ("no map costs more than the optimum from the truth",),
+    ("small", 1000007): ("no map costs more than the optimum from the truth",),
     ("small", 1000044): ("another optimum that fits as well is named",),
 }
