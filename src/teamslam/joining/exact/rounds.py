@@ -30,7 +30,7 @@ from teamslam.errors import SolveError
 from teamslam.joining.build.build import build_choices
 from teamslam.joining.exact.alone import excess_alone, excess_together
 from teamslam.joining.exact.basins import lowest
-from teamslam.joining.exact.coordinator import Coordinator, Ended, Parts
+from teamslam.joining.exact.coordinator import UNSEEN, Coordinator, Ended, Parts
 from teamslam.joining.exact.gap import Gap, frame_of, gap_at, point_of
 from teamslam.joining.exact.instead import exact_or_joined
 from teamslam.joining.exact.robot import Part, parts_of
@@ -116,11 +116,14 @@ class _Team:
         options: Options,
         progress: Callable[[Step], None] | None,
     ) -> Component:
-        """Rounds until they end, and the whole map."""
+        """Rounds until they end, and the whole map. Where full least squares led to an optimum and rounds from there to
+        nothing lower, it is one: in a valley so narrow that it is known by its curvature alone, rounds cannot tell."""
         ended = self._course(gap, max_rounds, progress)
         if ended.status is Status.STUCK:
-            self._go_on_together(options)
+            found = self._go_on_together(options)
             ended = self._course(gap, max_rounds, progress)
+            if ended.status is Status.STUCK and ended.history[-1].cost >= found.cost * (1.0 - UNSEEN):
+                ended = replace(ended, status=found.status)
         return self._finish(component, ended)
 
     def _course(self, gap: float, max_rounds: int, progress: Callable[[Step], None] | None) -> Ended:
@@ -137,14 +140,16 @@ class _Team:
             except SolveError as error:
                 answer = error
 
-    def _go_on_together(self, options: Options) -> None:
+    def _go_on_together(self, options: Options) -> Solution:
         """Go where full least squares of all rows leads from here."""
         values, tables = self._everything(), self._tables()
         system = System(values.layout, tables=tables, fixed=frame_of(self.map), names=self.map.names)
-        found = reach(system, values, options).values
+        solution = reach(system, values, options)
+        found = solution.values
         self.coordinator.values = found.only(self.coordinator.values.layout.keys)
         for part in self.parts:
             part.values = found.seen_from(found.pose(part.submap.base), part.values.layout)
+        return solution
 
     # --- the result ---------------------------------------------------------------------------------------------
 

@@ -218,7 +218,7 @@ class _Search:
         if rest is not None:
             return Fit(rest.cost(QUICK), rest.dof)
         others = [submap for submap in self.submaps if self.label(submap) not in accused]
-        return fit_of(together(others, join(others, options=QUICK), QUICK))
+        return fit_of(together(others, join(others, near=self.joined, options=QUICK), QUICK))
 
     def _rest(self, accused: frozenset[Hashable]) -> Joined:
         gone = {submap.id for submap in self.given if self.label(submap) in accused}
