@@ -41,7 +41,7 @@ def resect(rays: Array, points: Array, whitening: Array) -> Resection:
     middle = points.mean(1)
     points = points - middle[:, None]
     first = _started(rays, points)
-    both = [_refined(start, rays, points, whitening) for start in (first, _mirrored(first))]
+    both = [_refined(start, rays, points, whitening) for start in (first, mirrored(first))]
     poses = Pose(*(np.stack(parts, 1) for parts in zip(*((p.rotation, p.translation) for p, _ in both), strict=True)))
     costs = np.stack([cost for _, cost in both], 1)
     behind = np.sum(rays.mean(1)[:, None] * poses.translation, -1) <= 0.0
@@ -100,7 +100,7 @@ def _started(rays: Array, points: Array) -> Pose:
     return Pose(seen.rotation @ np.swapaxes(plane, -1, -2), seen.translation)
 
 
-def _mirrored(pose: Pose) -> Pose:
+def mirrored(pose: Pose) -> Pose:
     """The pose that looks alike from far: leaned the other way about the line of sight to the body's middle."""
     distance = np.maximum(np.linalg.norm(pose.translation, axis=-1, keepdims=True), 1e-12)
     sight = pose.translation / distance

@@ -29,7 +29,7 @@ def turned(values: Values, tables: Sequence[Table]) -> Values | None:
 
     Law: what it gives costs less than `values`; where every tag stands as its sightings say, it gives nothing.
     """
-    seen = [table.select(_stands(values, table)) for table in tables if table.model == "corners"]
+    seen = [table.select(stands(values, table)) for table in tables if table.model == "corners"]
     stand = []
     for table in seen:
         eyes, known = (values.poses_of(keys, 3) for keys in table.keys.T)
@@ -38,20 +38,20 @@ def turned(values: Values, tables: Sequence[Table]) -> Values | None:
     for key in np.unique(np.concatenate([np.zeros(0, np.int64), *(keys for keys, _, _ in stand)])):
         rows = [table.select(table.keys[:, 1] == key) for table in seen]
         here = values.only(np.unique(np.concatenate([table.keys.ravel() for table in rows])))
-        cost = _cost(here, rows)
+        cost = cost_of(here, rows)
         others = [
             here.update(Values.of({Kind.POSE3: (keys[keys == key], poses[np.flatnonzero(keys == key)])}))
             for keys, any_, poses in stand
             if any_[keys == key].any()
         ]
-        others = [_settled(other, rows, key) for other in others if _cost(other, rows) < WORTH * cost + MORE]
-        best = min([here, *others], key=lambda other: _cost(other, rows))
-        if _cost(best, rows) < cost:
+        others = [settled_alone(other, rows, key) for other in others if cost_of(other, rows) < WORTH * cost + MORE]
+        best = min([here, *others], key=lambda other: cost_of(other, rows))
+        if cost_of(best, rows) < cost:
             found = found.update(best.only(np.array([key])))
     return None if found is values else found
 
 
-def _settled(values: Values, rows: Sequence[Table], key: np.int64) -> Values:
+def settled_alone(values: Values, rows: Sequence[Table], key: np.int64) -> Values:
     """A tag at its optimum by some rows, all else held; where it was, where they do not say."""
     keys = values.layout.keys
     try:
@@ -61,11 +61,11 @@ def _settled(values: Values, rows: Sequence[Table], key: np.int64) -> Values:
         return values
 
 
-def _stands(values: Values, table: Table) -> BoolArray:
+def stands(values: Values, table: Table) -> BoolArray:
     """Which rows of a table are of landmarks that are poses."""
     poses = values.layout.keys_of(Kind.POSE3)
     return np.asarray(is_landmark(table.keys[:, -1]) & among(table.keys[:, 1], poses))
 
 
-def _cost(values: Values, tables: Sequence[Table]) -> float:
+def cost_of(values: Values, tables: Sequence[Table]) -> float:
     return sum(float(table.loss.cost(np.sum(table.whitened(values) ** 2, -1)).sum()) for table in tables if len(table))

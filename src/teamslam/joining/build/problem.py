@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from teamslam.errors import ModelError, SolveError
+from teamslam.frontend.tags.hinges import swung
 from teamslam.frontend.tags.mirrored import turned
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
@@ -39,6 +40,8 @@ from teamslam.solver import Options, Solution, Step, System, firm, optimise
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
 TURNS = 4  # times that tags are turned, where turning some shows others
+SWINGS = 8  # parts that are swung about the tags that they hang on
+SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,19 +108,32 @@ class Problem:
             return []
 
     def upright(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
-        """The optimum with no tag left the wrong way round (see `mirrored`): itself, where none is."""
+        """The optimum with no tag left the wrong way round (see `mirrored`), and no part that hangs on one (see
+        `hinges`): itself, where none is."""
         for _ in range(TURNS):
             other = turned(optimum.values, self.system.tables)
-            if other is None:
+            found = None if other is None else self._lower(optimum, other, options, progress)
+            if found is None:
                 break
-            try:
-                found = firm(self.system, optimise(self.system, other, options, progress))
-            except SolveError:
-                break
-            if not (found.converged and found.cost < optimum.cost):
+            optimum = found
+        for _ in range(SWINGS):
+            ways = swung(optimum.values, self.system.tables, self.base)
+            lower = (self._lower(optimum, other, options, progress) for other in ways)
+            found = next((found for found in lower if found is not None), None)
+            if found is None:
                 break
             optimum = found
         return optimum
+
+    def _lower(
+        self, optimum: Solution, start: Values, options: Options, progress: Callable[[Step], None] | None
+    ) -> Solution | None:
+        """The optimum from elsewhere, where it costs less."""
+        try:
+            found = firm(self.system, optimise(self.system, start, options, progress))
+        except SolveError:
+            return None
+        return found if found.converged and found.cost < optimum.cost - SAME * (1.0 + optimum.cost) else None
 
     def undecided(self, optimum: Solution, options: Options) -> IntArray:
         """Landmarks that fit at two places, or that nothing holds where they came to lie: which place is right the team
