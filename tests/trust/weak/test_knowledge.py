@@ -8,15 +8,16 @@ import scipy.linalg
 
 from hung import tied_by_heading, two_halves
 from strategies import random_poses
+from teamslam.geometry import Pose
 from teamslam.joining import AtMap, full
 from teamslam.joining.exact.gap import point_of
-from teamslam.model import Dataset, Table, Values
+from teamslam.model import Dataset, Kind, Names, Table, Values, landmark_key, pose_key
 from teamslam.sim import Options, simulate
 from teamslam.solver import System
 from teamslam.trust.weak import Knowledge, knowledge_from, knowledge_of
 from teamslam.trust.weak.directions import Conditioned
 from teamslam.trust.weak.knowledge import knowledge_at, listed
-from worlds import WORLDS, mixed_team, team
+from worlds import WORLDS, chain, measure, mixed_team, team
 
 LOOSE = {"2d": (3, 1, 0, 0), "planar": (3, 1, 0, 0), "3d": (6, 3, 1, 0)}
 """Freedoms between two halves that share no landmark, one, two, three."""
@@ -159,3 +160,30 @@ def test_what_is_told_twice_is_told_once() -> None:
         assert f @ twice.spread(f) == pytest.approx(f @ once.spread(f), rel=1e-6)
     assert one @ twice.spread(one) == pytest.approx(0.0, abs=1e-9 * (one @ known.spread(one)))
     assert twice.least.place_m == pytest.approx(once.least.place_m, rel=1e-6)
+
+
+def test_fine_steps_are_no_reason_for_parts_to_hang_loose() -> None:
+    """Steps of a millimetre, known to a hundredth of it: 1e14 times as stiff as the map as a whole is, and all held."""
+    keys, marks = pose_key(1, np.arange(400)), landmark_key(np.arange(4))
+    way = Pose.from_xytheta(np.stack([1e-3 * np.arange(400), np.zeros(400), np.zeros(400)], -1))
+    places = np.array([[5.0, 3.0], [4.0, -4.0], [-3.0, 2.0], [-4.0, -3.0]])
+    truth = Values.of({Kind.POSE2: (keys, way), Kind.POINT2: (marks, places)})
+    looks = np.stack([np.repeat(keys[::40], 4), np.tile(marks, 10)], -1)
+    rng = np.random.default_rng(0)
+    tables = (
+        measure(1, "odometry", "relative_pose", 2, chain(keys), 1e-5, truth, rng),
+        measure(1, "landmarks", "point", 2, looks, 0.1, truth, rng),
+    )
+    log = Dataset({1: 2}, tables, Names(tick_s=1.0), truth)
+    joined = full(log).map
+    for known in (
+        knowledge_at(AtMap(log.tables, joined)),
+        knowledge_of(joined),
+        knowledge_from(tables, truth, log.names),
+    ):
+        assert known.unknown.shape[1] == 0
+        # All poses are as one, which saw each landmark ten times: between two of them the sum of both.
+        unit = np.zeros(truth.layout.dof)
+        own = truth.layout.unknowns(marks[:2])
+        unit[own[0]], unit[own[2]] = 1.0, -1.0
+        assert unit @ known.spread(unit) == pytest.approx(0.1**2 / 10 * 2, rel=0.4)

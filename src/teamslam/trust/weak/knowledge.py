@@ -13,12 +13,14 @@ Sources: Meissl, "Die innere Genauigkeit eines Punkthaufens" (1962); Baarda, "S-
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import AtMap
 from teamslam.joining.exact.gap import frame_of
@@ -26,7 +28,7 @@ from teamslam.model import WORLD, Layout, Names, Submap, Table, Values
 from teamslam.solver import Factor, Matrix, SubmapTerm, System
 from teamslam.trust.weak.motions import Motions, turns
 
-ROUNDING = 1e-12  # of the stiffest direction: what is softer is not held at all
+ROUNDING = 1e-12  # of the stiffest direction: what is softer may not be held at all
 LOOSE = 1e-6  # of the longest displacement: what moves less does not move
 BLOCK = 8  # columns that are tried at once for what is not held
 DENSE = 300  # unknowns: smaller problems are decomposed whole
@@ -154,6 +156,16 @@ class Knowledge:
             found[at] = np.diagonal(blocks, axis1=1, axis2=2)
         return np.asarray(found + np.sum(B * (B @ middle - 2.0 * Z), 1))
 
+    def stretch(self, told: Array) -> float:
+        """The most that the variance of an unknown grows by what others are not known: max C_ii H_ii, `told` (dof,) the
+        diagonal of H.
+
+        What is not held grows to the inverse of rounding. Law: neither units nor the number of poses matter, as they do
+        for the softest direction beside the stiffest: odometry at 200 Hz is ten orders stiffer than the whole of a map.
+        """
+        grown = [(np.diagonal(blocks, axis1=1, axis2=2) * told[at]).max(initial=0.0) for at, blocks in self._given]
+        return float(max(grown, default=0.0))
+
     @property
     def total(self) -> float:
         """The sum of all variances, in the metric: no direction has a larger one."""
@@ -210,8 +222,9 @@ def knowledge_at(at: AtMap) -> Knowledge:
     unknowns = values.layout.unknowns(gap.free.keys)
     covariance = InFrame(gap.factor, unknowns, np.asarray(values.layout.index(gap.free.keys)))
     known = Knowledge(values, at.joined.names, motions, frame, np.zeros((len(motions.weight), 0)), covariance)
-    stiffest = float((gap.hessian.diagonal() / motions.weight[unknowns]).max(initial=0.0))
-    if known.total * ROUNDING * stiffest < 1.0:  # no direction is so soft as not to be held
+    told = np.zeros(values.layout.dof)
+    told[unknowns] = gap.hessian.diagonal()
+    if known.stretch(told) * ROUNDING < 1.0:
         return known
     return knowledge_from(at.tables, values, at.joined.names)
 
@@ -230,12 +243,23 @@ def _knowledge(system: System, values: Values, *, in_world: bool) -> Knowledge:
     if not in_world:
         frame = _orthonormal(motions.of_the_whole, motions.weight, frame)
     factor = system.factor(values)
+    nothing = np.zeros((values.layout.dof, 0))
+    with suppress(SolveError):  # where something is open, beside the frame
+        _hold(factor, H, frame)
+        known = Knowledge(values, system.names, motions, frame, nothing, factor)
+        if known.stretch(H.diagonal()) * ROUNDING < 1.0:
+            return known
     unknown = _null_space(H, factor, motions.weight, frame)
-    damping = np.zeros(values.layout.dof)
-    pins = _pins(np.concatenate([frame, unknown], 1))
+    _hold(factor, H, np.concatenate([frame, unknown], 1))
+    return Knowledge(values, system.names, motions, frame, unknown, factor)
+
+
+def _hold(factor: Factor, H: Matrix, open_: Array) -> None:
+    """Factorise H held where `open_` (dof, k) moves."""
+    damping = np.zeros(len(open_))
+    pins = _pins(open_)
     damping[pins] = np.maximum(H.diagonal()[pins], 1e-12 * H.diagonal().max(initial=1.0))
     factor.factorise(H.numbers, damping)
-    return Knowledge(values, system.names, motions, frame, unknown, factor)
 
 
 def listed(layout: Layout, stacks: Stacks) -> list[Array]:
