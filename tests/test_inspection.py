@@ -1,11 +1,13 @@
 """A log is looked over: counts add up, links that hold are told from those that do not, oddities are named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from teamslam.geometry import IntArray
 from teamslam.inspection import inspect
-from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of, unnamed_key
 from teamslam.pipeline import run
 from worlds import team as small_team
 
@@ -69,7 +71,25 @@ def test_a_robot_without_odometry_or_sightings_is_named() -> None:
     gone = keep(team, lambda t: ~((t.source == "odometry") & (t.robot == 2) & (np.arange(len(t)) == 5)))
     assert any("robot 2: odometry is missing before 1 of its 12 poses" in hint for hint in inspect(gone).hints)
     blind = keep(team, lambda t: np.full(len(t), t.source == "odometry" or t.robot != 1))
-    assert any("robot 1 saw nothing" in hint for hint in inspect(blind).hints)
+    unseen = keep(blind, lambda t: np.full(len(t), t.source != "robots"))
+    for log, wanted in ((blind, "only where others saw it"), (unseen, "its map is dead reckoning")):
+        assert any(hint.startswith(f"robot 1 saw nothing: {wanted}") for hint in inspect(log).hints)
+
+
+def test_sightings_without_a_name_are_no_landmarks_and_may_join_what_names_do_not() -> None:
+    """A run finds out which are of one landmark: none was seen once for want of a name, and no robot is apart."""
+    team = only_shared(small_team("2d", robots=2, landmarks=6, sees=1.0), np.arange(1))
+    bare = [
+        replace(t, keys=np.stack([t.keys[:, 0], unnamed_key(1, t.ids)], -1))
+        if (t.robot, t.source) == (1, "landmarks")
+        else t
+        for t in team.tables
+    ]
+    count = sum(len(t) for t in bare if (t.robot, t.source) == (1, "landmarks"))
+    found = inspect(team.with_tables(bare))
+    assert inspect(team).groups == ((1,), (2,)) and found.groups == ((1, 2),) and found.landmarks == 1
+    assert any(hint.startswith(f"robot 1: {count} sightings are of landmarks without") for hint in found.hints)
+    assert not any("cannot be joined" in hint or "seen only once" in hint for hint in found.hints)
 
 
 def test_landmarks_seen_once_are_named() -> None:

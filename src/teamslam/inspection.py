@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from teamslam.geometry import IntArray
-from teamslam.model import Dataset, Names, Table, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Names, Table, is_landmark, is_pose, is_unnamed, robot_of
 from teamslam.oddities import oddities
 
 GAP_FACTOR = 20.0  # a gap is this many times the usual step
@@ -51,7 +51,8 @@ class Link:
 
 @dataclass(frozen=True)
 class Inspection:
-    """A log in figures and words; `groups` are the robots that links hold together."""
+    """A log in figures and words; `groups` are the robots that links hold together, or that sightings of landmarks
+    without a name may. These are no `landmarks`."""
 
     robots: dict[int, int]
     poses: dict[int, int]
@@ -84,7 +85,7 @@ def inspect(dataset: Dataset) -> Inspection:
     return Inspection(
         robots=dict(dataset.robots),
         poses={robot: len(keys) for robot, keys in dataset.pose_keys.items()},
-        landmarks=len(dataset.landmark_keys),
+        landmarks=int((~is_unnamed(dataset.landmark_keys)).sum()),
         counts=tuple(_counts(dataset)),
         links=links,
         groups=groups,
@@ -175,7 +176,23 @@ def _groups(dataset: Dataset, bonds: Sequence[_Bond]) -> tuple[tuple[int, ...], 
     groups = [frozenset([robot]) for robot in dataset.robots]
     while (merged := _two_that_hold(groups, bonds)) or (merged := _ring(groups, bonds, dataset)):
         groups = [group for group in groups if not group <= merged] + [merged]
+    if _nameless(dataset):
+        groups = _that_names_may_join(groups, dataset)
     return tuple(sorted(tuple(sorted(group)) for group in groups))
+
+
+def _nameless(dataset: Dataset) -> dict[int, int]:
+    """How many sightings of landmarks without a name each robot made that made any."""
+    counts = {robot: int(is_unnamed(_landmarks_of(dataset, robot)).sum()) for robot in sorted(dataset.robots)}
+    return {robot: count for robot, count in counts.items() if count}
+
+
+def _that_names_may_join(groups: Sequence[frozenset[int]], dataset: Dataset) -> list[frozenset[int]]:
+    """Groups, of which those are one that sightings without a name may tie: all that saw landmarks."""
+    saw = frozenset(robot for robot in dataset.robots if len(_landmarks_of(dataset, robot)))
+    apart = [group for group in groups if not group & saw]
+    tied = [group for group in groups if group & saw]
+    return [*apart, frozenset().union(*tied)]
 
 
 def _between(a: frozenset[int], b: frozenset[int], bonds: Sequence[_Bond]) -> _Bond:
@@ -225,6 +242,14 @@ def _hints(dataset: Dataset, links: tuple[Link, ...], groups: tuple[tuple[int, .
     for robot in sorted(dataset.robots):
         yield from _robot_hints(dataset, robot)
     yield from oddities(dataset)
+    nameless = _nameless(dataset)
+    if nameless:
+        count = sum(nameless.values())
+        who, these = names.these(list(nameless)), "sighting is" if count == 1 else "sightings are"
+        yield (
+            f"{who}: {count} {these} of landmarks without a name; `teamslam run` finds out which they are of, and "
+            f"whether they tie robots together"
+        )
     lonely = seen_once(dataset)
     if lonely:
         some = ", ".join(names.landmark(k) for k in lonely[:5]) + (", ..." if len(lonely) > 5 else "")
@@ -274,7 +299,9 @@ def _robot_hints(dataset: Dataset, robot: int) -> Iterator[str]:
     if broken:
         yield f"robot {name}: odometry is missing before {broken} of its {len(poses)} poses; the log is cut there"
     if not any(t.robot == robot and t.source != "odometry" and len(t) for t in dataset.tables):
-        yield f"robot {name} saw nothing: its map is dead reckoning"
+        seen = any(t.robot != robot and (robot_of(t.keys) == robot).any() for t in dataset.tables)
+        of_it = "only where others saw it is its dead reckoning put right" if seen else "its map is dead reckoning"
+        yield f"robot {name} saw nothing: {of_it}"
 
 
 def _odometry_pairs(dataset: Dataset, robot: int) -> IntArray:
@@ -284,9 +311,10 @@ def _odometry_pairs(dataset: Dataset, robot: int) -> IntArray:
 
 
 def seen_once(dataset: Dataset) -> list[int]:
-    """The landmarks of a log that one row alone speaks of: nothing checks where they are."""
+    """The landmarks of a log that one row alone speaks of: nothing checks where they are. Of sightings without a name
+    nobody knows yet which are of one."""
     seen = [t.keys[:, -1][is_landmark(t.keys[:, -1])] for t in dataset.tables]
     if not seen:
         return []
     keys, counts = np.unique(np.concatenate(seen), return_counts=True)
-    return [int(k) for k in keys[counts < UNSEEN]]
+    return [int(k) for k in keys[(counts < UNSEEN) & ~is_unnamed(keys)]]

@@ -171,3 +171,12 @@ def test_a_misread_does_not_make_a_sensor_see_farther() -> None:
     (right,), (beside,) = (eyes_of([t], log.truth) for t in (robust.select(slice(1, None)), replace(robust, keys=keys)))
     assert away[far] > 1.2 * right.reach
     assert (beside.reach, beside.cosine) == (right.reach, right.cosine)
+
+
+def test_what_would_not_be_seen_in_figures_is_not_told() -> None:
+    """Every sighting that is told firms up the direction that it is told for by a twentieth, at least."""
+    log = tied_by_heading(two_halves("2d", 1), 0.02)
+    assert log.truth is not None
+    weak = weakest_of(knowledge_from(log.tables, log.truth, log.names))
+    found = look_next(weak, eyes_of(log.tables, log.truth), most=100)
+    assert found and all((look.before / look.after).max() >= 1.05 for look in found)

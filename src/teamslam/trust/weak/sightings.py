@@ -26,6 +26,7 @@ MOST = 5
 VIEWPOINTS = 60  # poses of a robot that are tried, evenly along its way, its last one among them
 FEW = 16  # sightings that are weighed at a time
 SLACK = 1e-6  # of what is promised, by rounding
+WORTH = 1.05  # times as firm as before, some weak direction, for a sighting to be told
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +120,8 @@ class _Weighed:
 
     @property
     def helps(self) -> bool:
-        """Whether it is worth a word: it ties something, or firms up a weak direction by a hundredth or more."""
-        return bool(self.ties or not len(self.before) or self.firms > 0.01)
+        """Whether it is worth a word: it ties something, or firms up a weak direction by a twentieth or more."""
+        return bool(self.ties or not len(self.before) or (self.before / self.after).max() > WORTH)
 
 
 def _the_most_hopeful_first(hopes: Sequence[Hopes]) -> Array:
