@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 from metrics_maps import map_of, small
+from teamslam.geometry import Pose
 from teamslam.metrics import score
 from teamslam.metrics.in_world import InWorld, said_of
 from teamslam.model import WORLD, Submap, Values
@@ -45,6 +46,21 @@ def test_a_map_that_is_off_as_a_whole_is_said_to_be_by_how_far(team: str) -> Non
     for rms in (found.robot_position_rmse_m, found.landmark_rmse_m):
         assert rms == pytest.approx(0.5, abs=5.0 * SIGMA)
     assert not found.nees.inside and "which is not by chance" in said_of(found)
+
+
+@pytest.mark.parametrize("team", TEAMS)
+def test_a_truth_in_another_frame_is_said_to_be_and_compared_after_an_alignment(team: str) -> None:
+    """Far away and turned: the NEES of honest maps is chi-square with the alignment's numbers taken off."""
+    away = Pose.from_xytheta(np.array([432e3, -5411e3, 0.7]))
+    value, dof = 0.0, 0
+    for seed in range(10):
+        truth, map = in_the_world(team, seed, 0.0)
+        found = score(map, truth.transform(away), covariances=Covariances(map.values.layout, map.information))
+        assert found.in_world is None and "another frame" in found.note
+        assert found.consistency is not None
+        value, dof = value + found.consistency.nees.value, dof + found.consistency.nees.dof
+    assert dof == sum(in_the_world(team, seed, 0.0)[0].layout.dof - (6 if team == "3d" else 3) for seed in range(10))
+    assert abs(value - dof) < 4.0 * np.sqrt(2.0 * dof)
 
 
 def test_of_a_map_in_the_frame_of_a_pose_nobody_knows() -> None:

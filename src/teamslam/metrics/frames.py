@@ -62,6 +62,19 @@ class Aligned:
         spread = np.mean(np.sum((there - there.mean(0)) ** 2, -1))
         return len(self.keys) < 3 or float(np.mean(np.sum(self.positions(self.keys) ** 2, -1))) < 0.25 * float(spread)
 
+    @cached_property
+    def moved_m(self) -> float:
+        """How far the middle of what both know was moved onto the truth [m]."""
+        middle = self.truth.positions(self.keys, 3)[:, : self.pose.dim].mean(0)
+        return float(np.linalg.norm(middle - self.pose.inverse().act(middle)))
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the truth is written in another frame: the map is like it, but was moved farther onto it than it is
+        large."""
+        there = self.truth.positions(self.keys, 3)
+        return self.alike and self.moved_m > 2.0 * float(np.linalg.norm(there - there.mean(0), axis=-1).max())
+
     def positions(self, keys: IntArray) -> Array:
         """Errors of position (n, 3) [m]; heights count only where both know them."""
         return self._errors[self._layout.index(keys)]

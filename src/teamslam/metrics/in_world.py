@@ -33,12 +33,12 @@ class InWorld:
 
 
 def in_world(map: Submap, aligned: Aligned, covariances: Marginals | None) -> InWorld | None:
-    """How far a map is off in the world; None of a map that is written in the frame of a pose, or where nobody knows
-    covariances, or where some of its places have fewer numbers than others."""
+    """How far a map is off in the world; None of a map that is written in the frame of a pose or in another world than
+    the truth is, or where nobody knows covariances, or where some of its places have fewer numbers than others."""
     dim, keys = aligned.pose.dim, aligned.keys
     layouts = aligned.estimate.layout, aligned.truth.layout
     told = dim == 2 or all(bool((layout.kinds[layout.index(keys)] % 2 == 1).all()) for layout in layouts)
-    if map.base != WORLD or covariances is None or not told:
+    if map.base != WORLD or aligned.elsewhere or covariances is None or not told:
         return None
     error = map.values.positions(keys, dim) - aligned.truth.positions(keys, dim)
     some = np.unique(np.linspace(0, len(keys) - 1, MOST).round().astype(int))

@@ -12,7 +12,7 @@ from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, M
 from teamslam.metrics.contradicted import Contradiction, contradicted, told_of
 from teamslam.metrics.frames import Aligned, align_team
 from teamslam.metrics.in_world import InWorld, in_world, said_of
-from teamslam.model import Submap, Values, expect
+from teamslam.model import WORLD, Submap, Values, expect
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,17 +135,24 @@ def _compared(map: Submap, aligned: Aligned | None) -> Report:
         what = "one place" if len(aligned.keys) == 1 else "places in one line, without orientation,"
         note = f"the truth knows {what} of this map only, which leaves it free to turn: nothing can be compared"
         return Report(map.id, None, note=note)
+    note = "" if aligned.alike else STRANGERS
+    if map.base == WORLD and aligned.elsewhere:
+        note = ELSEWHERE.format(aligned.moved_m)
     return Report(
         map=map.id,
         fit=None,
         alignment=aligned.pose,
         basis=aligned.basis,
         accuracy=accuracy(aligned, map.names),
-        note="" if aligned.alike else STRANGERS,
+        note=note,
     )
 
 
 MOST_LANDMARKS = 5  # told one by one in words; all are in `to_dict`
+ELSEWHERE = (
+    "it is written in another frame than what was measured in the world, {:,.3g} m from there: compared after one "
+    "alignment"
+)
 STRANGERS = "the errors are as large as the map itself: is this the truth of this team, in this world?"
 
 

@@ -201,6 +201,8 @@ def _scores(report: Report) -> Rows:
             ("landmark", "landmark_rmse_m", "landmarks"),
         )
     ]
+    if compared["note"]:
+        rows.append(("truth", compared["note"]))
     if report.get("contradicted"):
         rows.append(("truth and map disagree", report["contradicted"]["sentence"]))
     rows += [("in the world", found["sentence"]) for found in report.get("in_world") or ()]
