@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from metrics_maps import TEAMS, frame_dim, map_of, small, some_frame
-from teamslam.metrics import score
+from teamslam.metrics import score, told_of
 from teamslam.model import Kind, Values, index_of, is_landmark
 from teamslam.solver import Covariances
 
@@ -46,6 +46,18 @@ def test_those_that_were_moved_are_named_in_any_frame_and_no_others(team, uneven
     lost = rng.choice(known, 2, replace=False)
     truth = moved(dataset.truth, lost, 5.0, rng).transform(some_frame(frame_dim(dataset), rng))
     assert named(map, truth) == {map.names.landmark(int(index_of(k))) for k in lost}
+
+
+@pytest.mark.parametrize("team", TEAMS)
+def test_of_landmarks_with_heights_above_a_plane_it_is_said_how_they_are_looked_at(team):
+    """Heights may be off by more than the sentence says of the others."""
+    dataset, map = drawn(team, 3)
+    known = np.array([k for k in map.keys if is_landmark(k) and dataset.truth.layout.contains(k)])
+    truth = moved(dataset.truth, known[:2], 5.0, np.random.default_rng(7))
+    layout, planar = dataset.truth.layout, frame_dim(dataset) == 2
+    heights = all(Kind(int(layout.kinds[layout.index(np.array([k]))[0]])).dim == 3 for k in known)
+    found = score(map, truth, covariances=Covariances.of_map(map)).contradicted
+    assert found and ("seen from above" in told_of(found)) == (planar and heights)
 
 
 def test_honest_maps_name_nobody():

@@ -29,11 +29,13 @@ MOST_TOLD = 5  # one by one in words
 
 @dataclass(frozen=True)
 class Contradiction:
-    """A landmark that the truth has `off_m` from where the map has it, where the others agree to `others_m` [m]."""
+    """A landmark that the truth has `off_m` from where the map has it, where the others agree to `others_m` [m]. Of a
+    team in the plane these are distances `seen_from_above`, whatever heights its landmarks have."""
 
     landmark: str
     off_m: float
     others_m: float
+    seen_from_above: bool = False
 
 
 def contradicted(aligned: Aligned, covariances: Marginals | None, names: Names) -> tuple[Contradiction, ...]:
@@ -64,16 +66,18 @@ def contradicted(aligned: Aligned, covariances: Marginals | None, names: Names) 
     lengths = np.linalg.norm(off, axis=1)
     rest = float(np.sqrt(np.mean(lengths[~far] ** 2)))
     worst = np.flatnonzero(far)[np.argsort(-lengths[far], kind="stable")]
-    return tuple(Contradiction(names.landmark(int(index_of(keys[k]))), float(lengths[k]), rest) for k in worst.tolist())
+    flat = dim == 2 and bool((layout := aligned.estimate.layout).kinds[layout.index(keys)].max() % 2)
+    called = [names.landmark(int(index_of(keys[k]))) for k in worst.tolist()]
+    return tuple(Contradiction(name, float(lengths[k]), rest, flat) for name, k in zip(called, worst, strict=True))
 
 
 def told_of(contradictions: Sequence[Contradiction]) -> str:
     """Landmarks at which truth and map disagree, in words."""
     some = ", ".join(f"{in_words(found.landmark)} ({found.off_m:.2f} m)" for found in contradictions[:MOST_TOLD])
     more = f" and {len(contradictions) - MOST_TOLD} more" if len(contradictions) > MOST_TOLD else ""
-    return (
-        f"at {some}{more}; at the others to {contradictions[0].others_m:.2g} m: which of the two is wrong, look there"
-    )
+    worst = contradictions[0]
+    above = ", seen from above" if worst.seen_from_above else ""
+    return f"at {some}{more}; at the others to {worst.others_m:.2g} m{above}: which of the two is wrong, look there"
 
 
 def _agreed(here: Array, there: Array) -> Array:

@@ -122,7 +122,8 @@ def torn_reason(id_: str, version: int, contents: int) -> str:
     """Why an id with several contents is left out."""
     return (
         f"{contents} different submaps are all called {id_}, version {version}; which is right cannot be told: "
-        f"whoever made them should send one under a higher version"
+        f"whoever made them should send one under a higher version; where they are of two drives of one robot, it "
+        f"needs a name and a number of its own in the second log"
     )
 
 

@@ -150,14 +150,17 @@ def test_a_robot_that_measures_all_in_another_unit(preset: str) -> None:
     assert "robot 2: all lengths are in millimetres" in found.causes[0].sentence
 
 
-@pytest.mark.parametrize("ticks", [1_000_000, -1_000_000])
+@pytest.mark.parametrize("ticks", [1_000_000, -1_000_000, 5_000_000])
 @pytest.mark.parametrize("preset", SPACES)
 def test_a_robot_whose_clock_is_off(preset: str, ticks: int) -> None:
-    """Seen by others, and seeing them, at other moments than it says."""
+    """Seen by others, and seeing them, at other moments than it says; by how much is told, also where that is several
+    steps between poses (of 1 s)."""
     log = faults.clock_ahead(world(preset, 1), 2, ticks)
     found = judged(log)
     assert [(c.kind, c.robots) for c in found.causes] == [("clock", (2,))]
-    assert f"{'ahead of' if ticks > 0 else 'behind'} those of the others" in found.causes[0].sentence
+    said = re.search(r"clock is ([\d.]+) s (ahead of|behind) those of the others", found.causes[0].sentence)
+    assert said and float(said[1]) == pytest.approx(1e-6 * abs(ticks), rel=0.05)
+    assert said[2] == ("ahead of" if ticks > 0 else "behind")
 
 
 @pytest.mark.parametrize("preset", [*SPACES, "lidar"])

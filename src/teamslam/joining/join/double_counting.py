@@ -38,7 +38,8 @@ def rows_in_two(submaps: Sequence[Submap]) -> Iterable[Conflict]:
                         other,
                         f"rows {start} to {min(end, stop) - 1} of the {source} of robot {robot} stand in both submap "
                         f"{submaps[other].id} and submap {submaps[number].id}; joined, they would count twice and "
-                        f"the map would be too sure of itself",
+                        f"the map would be too sure of itself; where they are of two drives of one robot, it needs a "
+                        f"name and a number of its own in the second log",
                     )
             open_.append((stop, number))
 

@@ -47,8 +47,10 @@ FEWEST_SHARED = 4  # landmarks of two maps that tell of their shapes
 NEAR_UNIT = 0.4  # of log f: how near a unit that must be; feet are 1.2 from metres
 MIRROR = 0.5  # of the squared distances that are left, in a mirror
 HALF_OFF = 2.0  # times the median of chi-square: squared residuals of half the rows of a sensor
-OFFSETS = (0.5, 1.0, 2.0)
-"""Of a robot's clock, in usual steps between poses: those that are tried first."""
+OFFSETS = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""Of a robot's clock, in usual steps between poses: those that are tried first, `BLINDLY` many where each is a solve.
+One that is off by more than the last is told to be off by less than it is."""
+BLINDLY = 3
 
 
 def mistakes_between(stretch: Dataset, order: Sequence[int]) -> list[Found]:
@@ -218,7 +220,8 @@ def _of_clock(log: Dataset, blind: Values | None, robot: int) -> Iterator[Mistak
     """A robot's clock ahead of the others' or behind: by what fits best where the landmarks put the robots; where these
     put them in no one map, by whole steps and halves."""
     usual = usual_step(log.pose_keys[robot])
-    tried = [sign * share * usual for share in OFFSETS for sign in (1.0, -1.0)]
+    shares = OFFSETS if blind is not None else OFFSETS[:BLINDLY]
+    tried = [sign * share * usual for share in shares for sign in (1.0, -1.0)]
     if blind is not None:
         tried = [least_bad(tried, lambda ticks: _cost_of_links(log, blind, robot, ticks))]
     for ticks in map(round, tried):
@@ -229,14 +232,16 @@ def _of_clock(log: Dataset, blind: Values | None, robot: int) -> Iterator[Mistak
 
 
 def _cost_of_links(log: Dataset, values: Values, robot: int, ticks: float) -> float:
-    """Of sightings of a robot by others, and of others by it, if its clock were so far ahead."""
+    """Of sightings of a robot by others, and of others by it, if its clock were so far ahead: those of poses beyond the
+    ends of a way as much as the others."""
     links = [t for t in log.tables if t.observes_robots]
     of_it = [t.select(np.asarray(robot_of(t.keys[:, -1]) == robot)) for t in links if t.robot != robot]
     by_it = [t for t in links if t.robot == robot]
     others = [who for who in log.pose_keys if who != robot]
-    return cost_at(of_it, at_other_times(values, [robot], ticks)) + cost_at(
-        by_it, at_other_times(values, others, -ticks)
-    )
+    sides = ((of_it, at_other_times(values, [robot], ticks)), (by_it, at_other_times(values, others, -ticks)))
+    known = sum(table.dof for tables, there in sides for table in told_by(tables, there.layout))
+    due = sum(table.dof for table in (*of_it, *by_it))
+    return sum(cost_at(*side) for side in sides) * due / known if known else np.inf
 
 
 def _who(table: Table) -> IntArray:
