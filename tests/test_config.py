@@ -91,6 +91,8 @@ def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
         ('method = "full"\n[join]\nexact = true', ["full least squares is exact", "leave out"]),
         ('[join]\nexact = true\norder = "tree"', ["all at once", "'tree'"]),
         ("method = = 3", ["not valid TOML", "line 1"]),
+        ("wrong = .05", ["not valid TOML", "line 1", "0.05"]),
+        ("wrong = [1.0, -.5]", ["not valid TOML", "line 1", "0.5"]),
     ],
 )
 def test_a_wrong_option_is_named_with_its_cure(tmp_path: Path, text: str, words: list[str]) -> None:

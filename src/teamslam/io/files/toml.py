@@ -1,6 +1,7 @@
 """TOML files as nested tables, and as records."""
 
 import difflib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -17,12 +18,21 @@ Record = TypeVar("Record")
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file (UTF-8, with or without a byte-order mark). InputError names the file and the line."""
+    text = read_text(path)
     try:
-        return tomllib.loads(read_text(path))
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", path=path) from None
+        raise InputError(f"not valid TOML: {error}{_cure(str(error), text)}", path=path) from None
     except RecursionError:
         raise InputError("nested too deeply to be read; expected a few tables", path=path) from None
+
+
+def _cure(problem: str, text: str) -> str:
+    """What TOML wants where people write numbers as elsewhere: .05."""
+    place = re.search(r"at line (\d+), column (\d+)", problem)
+    rest = text.split("\n")[int(place[1]) - 1][int(place[2]) - 1 :] if place else ""
+    number = re.match(r"[+-]?(\.\d+)", rest)
+    return f"; numbers begin with a digit: 0{number[1]}" if number else ""
 
 
 def record_from(table: Mapping[str, Any], kind: type[Record], *, path: str | Path | None = None) -> Record:

@@ -4,9 +4,10 @@
     {"file": "landmarks.csv", "stamp": 0.1, "landmark": "door", "range": 3.93, "bearing": 0.6}
 
 `file` names a [[log]] of team.toml; the rest are that file's columns, as formats.md describes them. `robot` and `id`
-may be left out: rows of one source are counted then. Every stamp is a pose as it stands (keyframes = "given"): what was
-seen between two stamps of the odometry is told at one of them, or the odometry is told up to there and on from there.
-The CSV files themselves need nothing but their header line; rows that they have are not read.
+may be left out: rows of one source are counted then, and one that repeats one of the last `REMEMBERED` in every number
+is that row again, as a link that is not sure of itself sends it. Every stamp is a pose as it stands (keyframes =
+"given"): what was seen between two stamps of the odometry is told at one of them, or the odometry is told up to there
+and on from there. The CSV files themselves need nothing but their header line; rows that they have are not read.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,6 +26,7 @@ from teamslam.io.plain.roster import NAMED, Roster
 from teamslam.io.plain.schema import FILE, STREAMS, Log, read_team
 from teamslam.model import Dataset, Names, Table, robot_of
 
+REMEMBERED = 1000
 _DECODER = msgspec.json.Decoder(dict[str, int | float | str | None])
 
 
@@ -50,6 +52,7 @@ class Lines:
             )
         self.robot, self._name = known[robot], robot
         self._logs: dict[str, tuple[int, Log]] = {}
+        self._last: dict[tuple[object, ...], Table] = {}  # rows that brought no id, the newest last
         tables: list[Table] = []
         for place, log in enumerate(self._team.log):
             if log.robot not in (None, robot):
@@ -104,11 +107,19 @@ class Lines:
             raise InputError(
                 f"this robot is {self._name}, found {cells['robot']}", path="stdin", line=self._count, field="robot"
             )
+        told = (file, *sorted(cells.items(), key=lambda cell: cell[0]))
+        if "id" not in cells and told in self._last:
+            return self._last[told]
         place, log = self._logs[str(file)]
         csv = Csv(
             Path("stdin"), {name: self._column(name, cell) for name, cell in cells.items()}, np.array([self._count])
         )
-        return read_tables(csv, log, self._team, self._roster, self._taken, place)[0]
+        table = read_tables(csv, log, self._team, self._roster, self._taken, place)[0]
+        if "id" not in cells:
+            self._last[told] = table
+            if len(self._last) > REMEMBERED:
+                del self._last[next(iter(self._last))]
+        return table
 
     def stamp_s(self, table: Table) -> float:
         """When a row was measured [s]: at the latest of its own poses; 0 where it is of none."""
