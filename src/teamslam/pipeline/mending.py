@@ -94,6 +94,18 @@ def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, 
     return dataset, found
 
 
+def only_by_the_join(log: Dataset, joined: Joined, wrong: Sequence[Cause], config: Config) -> bool:
+    """Whether landmarks are in other places by what joining costs alone, and not at full least squares."""
+    if not any(cause.kind in PLACES and cause.mend is not None for cause in wrong):
+        return False
+    try:
+        exact = full(log, initial=joined, options=config.solver)
+    except SolveError:
+        return False
+    told = mistakes(log, exact, [AtMap(log.tables, component.map) for component in exact.components])
+    return exact.converged and not any(cause.kind in PLACES for cause in told)
+
+
 def with_hidden_jumps(
     wrong: Sequence[Cause], log: Dataset, joined: Joined, decisions: Decisions | None
 ) -> tuple[Cause, ...]:

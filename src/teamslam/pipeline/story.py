@@ -31,6 +31,7 @@ from teamslam.pipeline.mending import (
     completed,
     in_their_places,
     once_more,
+    only_by_the_join,
     settled_by,
     steps_cut,
     with_hidden_jumps,
@@ -51,6 +52,7 @@ from teamslam.trust.associate import associate
 
 DEFAULTS = Config()
 FAR = 0.5  # of a join's cost, by its own approximation: it is gone on with in rounds
+NOTABLE = 0.1  # of it: what a join says of landmarks that were moved is asked of full least squares
 IN_ROUNDS = "joined in rounds, as by --exact, since the join of its submaps was far from full least squares"
 AS_STATED = "noise is taken as stated, since the log with it put right has no map"
 MOST_APART = 20  # landmarks that are called otherwise than in the log, and steps left out: of more, it says nothing
@@ -121,6 +123,10 @@ def _told(
         wrong = () if judged is None else judged.mistakes
         more = len(apart) + len(cut) < MOST_APART
         every = with_hidden_jumps(wrong, as_it_is, joined, decisions) if more else ()
+        exact = config.method == "full" or config.join.exact
+        if not exact and _share(joined, at) > NOTABLE and only_by_the_join(log, joined, every, config):
+            with suppress(SolveError):
+                return _told(dataset, in_rounds(config), clock, None, work, apart, (*added, _said(joined, at)), cut)
         again, moved = in_their_places(dataset, every)
         if not moved and suspected is None and submaps and not config.join.exact and more:
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
@@ -128,7 +134,7 @@ def _told(
         if moved:
             apart = (*apart, *(cause for cause in moved if cause.kind != "jump"))
             return _told(again, config, clock, workers, work, apart, added, (*cut, *steps_cut(dataset, moved)))
-        far = "" if wrong or config.method == "full" or config.join.exact else _far(joined, at)
+        far = _said(joined, at) if not (wrong or exact) and _share(joined, at) > FAR else ""
         if far:  # a lie may be why, and is told by what joining costs
             suspected = suspected or seen or suspicions(log, submaps, joined)
         if far and suspected is not None and not suspected.names_a_lie:
@@ -178,9 +184,9 @@ def _told(
     )  # fmt: skip
 
 
-def _far(joined: Joined, at: Sequence[AtMap]) -> str:
-    """What is said of a join that full least squares would take more than `FAR` of its cost from, as far as a step
-    tells: submaps are no Gaussians there, and the map is another one. Nothing of any other."""
+def _share(joined: Joined, at: Sequence[AtMap]) -> float:
+    """The share of its cost that full least squares would take off a join, as far as a step tells: where it is large,
+    submaps are no Gaussians, and the map is another one."""
     shares = [0.0]
     for component, here in zip(joined.components, at, strict=True):
         try:
@@ -188,7 +194,12 @@ def _far(joined: Joined, at: Sequence[AtMap]) -> str:
                 shares.append(here.gap.decrease / max(here.gap.cost, 1.0))
         except SolveError:
             continue
-    return f"{IN_ROUNDS} ({max(shares):.0%} of its cost)" if max(shares) > FAR else ""
+    return max(shares)
+
+
+def _said(joined: Joined, at: Sequence[AtMap]) -> str:
+    """What is said of such a join."""
+    return f"{IN_ROUNDS} ({_share(joined, at):.0%} of its cost)"
 
 
 def _log_in(given: Dataset | str | Path, config: Config) -> Dataset:
