@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from strategies import dims, generators, random_poses
 from teamslam.errors import ModelError
-from teamslam.geometry import Array, Pose, Told, align, register, rotations
+from teamslam.geometry import Array, Pose, Told, align, register, rotations, turns_apart
 
 AMOUNTS = st.integers(4, 12)
 
@@ -197,3 +197,14 @@ def test_what_known_numbers_leave_open_stays(rng: np.random.Generator) -> None:
     found = register(Told.of_points(source, target, np.array([[True, True, False]])), Pose.identity(3)).pose
     assert_allclose(found.act(source)[0, :2], [1.0, 2.0], atol=1e-9)
     assert np.linalg.norm(found.minus(Pose.identity(3))) < 3.0 + np.linalg.norm(source)
+
+
+def test_two_places_far_away_leave_the_turn_about_their_line() -> None:
+    """In coordinates of a map of the country, from any start: both are put where they are, and nothing fails."""
+    places = np.array([[0.1, 0.12, -0.08]] * 3 + [[43.2, -59.9, 59.8]])
+    goals = np.array([[529997.76125, 5399997.25739, 202.37533]] * 3 + [[529997.85411, 5399997.27705, 202.91311]])
+    known = np.ones(places.shape, bool)
+    for turn in turns_apart(3):
+        found = register(Told.of_points(places, goals, known), Pose(turn, goals[0] - turn @ places[0]))
+        assert np.isfinite(found.pose.translation).all() and found.rank == 5
+        assert_allclose(found.pose.act(places).mean(0), goals.mean(0), atol=1e-3)

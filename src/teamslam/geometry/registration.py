@@ -18,6 +18,7 @@ from teamslam.geometry.pose import Pose, rotations
 STEPS = 50
 TOLD = 1e-9  # of the largest information: what is below that is not told
 STANDS = 1e-15  # of a cost
+LEAST = 1e-12  # of the damping: what nothing tells is held by it, above rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,7 @@ def register(told: Told, start: Pose, steps: int = STEPS) -> Registration:
         tried = Pose(turn @ pose.rotation, centre + step[:dim] + turn @ (pose.translation - centre))
         then = _at(told, tried, scale)
         if then[0] <= cost:
-            pose, now, damping = tried, then, 0.1 * damping
+            pose, now, damping = tried, then, max(0.1 * damping, LEAST)
             if cost - then[0] <= STANDS * cost:
                 break
         else:
