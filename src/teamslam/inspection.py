@@ -300,8 +300,10 @@ def _robot_hints(dataset: Dataset, robot: int) -> Iterator[str]:
         yield f"robot {name}: odometry is missing before {broken} of its {len(poses)} poses; the log is cut there"
     if not any(t.robot == robot and t.source != "odometry" and len(t) for t in dataset.tables):
         seen = any(t.robot != robot and (robot_of(t.keys) == robot).any() for t in dataset.tables)
-        of_it = "only where others saw it is its dead reckoning put right" if seen else "its map is dead reckoning"
-        yield f"robot {name} saw nothing: {of_it}"
+        if seen:
+            yield f"robot {name} saw nothing: only where others saw it is its dead reckoning put right"
+        else:
+            yield f"robot {name} saw nothing: its map is dead reckoning"
 
 
 def _odometry_pairs(dataset: Dataset, robot: int) -> IntArray:
