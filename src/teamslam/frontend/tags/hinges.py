@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from teamslam.frontend.tags.mirrored import TURNED, cost_of, settled_alone, stands
 from teamslam.frontend.tags.whole_poses import voted_but
@@ -93,6 +92,8 @@ def _others(values: Values, table: Table) -> Iterator[Pose]:
 
 def _parts(ends: Sequence[IntArray], tag: int, n: int) -> IntArray:
     """Which part each of n variables is in without the sightings of one tag, by places in the layout."""
+    from scipy.sparse.csgraph import connected_components
+
     pairs = np.concatenate([both[both[:, 1] != tag] for both in ends])
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
