@@ -137,7 +137,7 @@ def write_film(made: "Film", out: Path, to: str, progress: "Progress") -> None:
             image_messages("/camera", ((f.tick, f.image) for f in frames), made.options.camera, "camera"),
             depth_messages(DEPTH, ((f.tick, f.depth) for f in again), "camera"),
         )
-        write_recording(out / team.robot[robot].recording, to, streams)
+        write_recording(out / team.robot[robot].parts[0], to, streams)
     write_team_file(team, out / "team.toml")
     if made.options.off_clocks:
         write_text(out / "clocks.json", json.dumps(asdict(made.clocks), indent=1) + "\n")

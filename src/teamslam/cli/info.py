@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from teamslam.inspection import Inspection
+    from teamslam.io.bags import Contents
     from teamslam.model import Names
 
 
-def info(input: Path, /, *, format: str | None = None) -> int:
+def info(*inputs: Path, format: str | None = None) -> int:
     """Say what a log holds and what is wrong with it, without making the map.
 
     Rows for each robot and sensor, what was dropped and why, what connects the robots, what is likely to go wrong.
@@ -17,28 +18,32 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     teamslam info MRCLAM_Dataset6
     teamslam info my-team
     teamslam info drive.bag                 # a recording of ROS: what is in it, and a first team file
+    teamslam info one.bag two.bag           # those of a team, or the parts of one that was split
     ```
 
     Exit codes: 0 the robots look joinable; 1 some do not; 2 bad input or usage.
 
     Parameters
     ----------
-    input
+    inputs
         A log: a folder or file in any format that `teamslam convert --help` lists; or a recording (ROS 1 bag, ROS 2
-        folder, .mcap, .db3).
+        folder, .mcap, .db3), or several: the parts of one, or those of a team.
     format
         The format of the input, where it cannot be told from its looks.
     """
     from teamslam.cli.codes import DONE, PARTLY
     from teamslam.cli.console import answer, pairs, progress_bar, say, table
-    from teamslam.errors import in_words
+    from teamslam.errors import InputError, in_words
     from teamslam.inspection import inspect
     from teamslam.io import read_log
     from teamslam.io.bags import is_recording
     from teamslam.results.words import counted
 
-    if format is None and is_recording(input):
-        return _recording(input)
+    if inputs and format is None and all(map(is_recording, inputs)):
+        return _recordings(inputs)
+    if len(inputs) != 1:
+        raise InputError(f"{len(inputs)} inputs; give one log, or recordings of ROS")
+    (input,) = inputs
     with progress_bar() as progress:
         dataset = read_log(input, format=format, progress=progress)
     found, names = inspect(dataset), dataset.names
@@ -79,17 +84,34 @@ def info(input: Path, /, *, format: str | None = None) -> int:
     return DONE if len(found.groups) <= 1 else PARTLY
 
 
-def _recording(path: Path) -> int:
-    """What a recording holds, and the team file that it suggests."""
+def _recordings(paths: tuple[Path, ...]) -> int:
+    """What recordings hold, and the team file that they suggest."""
     from teamslam.cli.codes import DONE, PARTLY
-    from teamslam.cli.console import answer, pairs, say, table
-    from teamslam.io.bags import contents, proposal
+    from teamslam.cli.console import answer, say
+    from teamslam.io.bags import contents, parts_beside, proposal, recordings_of
+
+    several = [contents(parts) for parts in (recordings_of(paths) if len(paths) > 1 else [paths])]
+    told = [_told(found) for found in several]
+    if len(paths) == 1 and len(parts := parts_beside(paths[0])) > 1:
+        all_of_it = " ".join(map(str, parts))
+        say(f"! it seems to be a part of a recording that was split; all of it: teamslam info {all_of_it}")
+    if not any(found.of_role(role) for found in several for role in ("tags", "tag poses", "image")):
+        say("! neither tags nor images: nothing in it can be mapped")
+    else:
+        say(f"\nA first team file; check the lines that end in '# ?':\n\n{proposal(*several)}")
+    answer(told[0] if len(told) == 1 else {"recordings": told})
+    return PARTLY if any(found.dropped for found in several) else DONE
+
+
+def _told(found: "Contents") -> dict[str, object]:
+    """Say what a recording holds; the same as a record."""
+    from teamslam.cli.console import pairs, say, table
     from teamslam.results.words import counted
 
-    found = contents(path)
+    title = " ".join(map(str, found.paths))
     messages = sum(len(topic.stamps_s) for topic in found.topics)
     pairs(
-        str(path),
+        title,
         [
             ("messages", f"{messages:,}"),
             ("time", f"{found.stop_s - found.start_s:.1f} s, from {found.start_s:.3f} s" if messages else "none"),
@@ -112,28 +134,21 @@ def _recording(path: Path) -> int:
     for topic in found.topics:
         if topic.steps_back:
             say(f"! {topic.name}: {counted(topic.steps_back, 'stamp')} earlier than the one before")
-    if not any(found.of_role(role) for role in ("tags", "tag poses", "image")):
-        say("! neither tags nor images: nothing in it can be mapped")
-    else:
-        say(f"\nA first team file; check the lines that end in '# ?':\n\n{proposal(found)}")
-    answer(
-        {
-            "input": str(path),
-            "messages": messages,
-            "topics": [
-                {
-                    "topic": t.name,
-                    "types": list(t.types),
-                    "used_as": t.role,
-                    "messages": len(t.stamps_s),
-                    "rate_hz": t.rate_hz,
-                }
-                for t in found.topics
-            ],
-            "dropped": [vars(dropped) for dropped in found.dropped],
-        }
-    )
-    return PARTLY if found.dropped else DONE
+    return {
+        "input": title,
+        "messages": messages,
+        "topics": [
+            {
+                "topic": t.name,
+                "types": list(t.types),
+                "used_as": t.role,
+                "messages": len(t.stamps_s),
+                "rate_hz": t.rate_hz,
+            }
+            for t in found.topics
+        ],
+        "dropped": [vars(dropped) for dropped in found.dropped],
+    }
 
 
 def _measured(found: "Inspection", names: "Names") -> tuple[list[str], list[list[str]]]:

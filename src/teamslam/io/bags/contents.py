@@ -4,6 +4,7 @@ The rate is one over the median step between stamps. A gap is a step of more tha
 a stamp before the one recorded before it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,9 +57,9 @@ class TopicContents:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """A recording looked over: its topics by name, and what could not be read."""
+    """A recording looked over: where it is, or its parts, its topics by name, and what could not be read."""
 
-    path: Path
+    paths: tuple[Path, ...]
     topics: tuple[TopicContents, ...]
     dropped: tuple[Dropped, ...]
 
@@ -77,9 +78,9 @@ class Contents:
         return [topic for topic in self.topics if topic.role == role and len(topic.stamps_s)]
 
 
-def contents(path: str | Path) -> Contents:
-    """Look a recording over; every message is read once and none is decoded but the first of a topic, and of odometry
-    one a second. Raises InputError where it cannot be opened."""
+def contents(path: str | Path | Sequence[str | Path]) -> Contents:
+    """Look a recording over, or the parts of one; every message is read once and none is decoded but the first of a
+    topic, and of odometry one a second. Raises InputError where it cannot be opened."""
     with opened(path) as recording:
         stamps: dict[str, list[int]] = {topic: [] for topic in recording.topics}
         frames: dict[str, tuple[str, str]] = {}
@@ -103,7 +104,7 @@ def contents(path: str | Path) -> Contents:
             )
             for name, (types, _) in sorted(recording.topics.items())
         )
-        return Contents(recording.path, topics, recording.dropped)
+        return Contents(recording.paths, topics, recording.dropped)
 
 
 def _off_plane(recording: Recording, message: Message) -> tuple[float, ...]:

@@ -56,7 +56,7 @@ def pictures_of_topic(recording: Recording, topic: str) -> Pictures:
             if (found := recording.decode(message)) is not None:
                 yield Picture(message.tick, lambda found=found: _grey(found))  # type: ignore[misc]
 
-    return Pictures(topic, digest(recording.path, topic), count, each)
+    return Pictures(topic, digest(recording.paths, topic), count, each)
 
 
 def pictures_of_folder(
@@ -110,7 +110,7 @@ def _taken(folder: Path, pattern: str, files: Sequence[Path], ticks: Sequence[in
         for k in order:
             yield Picture(ticks[k], lambda path=files[k]: _file(path))  # type: ignore[misc]
 
-    return Pictures(pattern, digest(folder, f"{pattern} {stamped(ticks)}"), len(files), each)
+    return Pictures(pattern, digest([folder], f"{pattern} {stamped(ticks)}"), len(files), each)
 
 
 def pictures_of_files(files: Sequence[Path]) -> Pictures:
@@ -128,10 +128,11 @@ def stamped(ticks: Sequence[int]) -> str:
     return blake2b(np.array(ticks, np.int64).tobytes(), digest_size=12).hexdigest()
 
 
-def digest(path: Path, part: str) -> str:
-    """A name for what is in a file, or in the files of a folder, and for the part of it that is meant."""
+def digest(paths: Sequence[Path], part: str) -> str:
+    """A name for what is in files, or in the files of folders, and for the part of it that is meant."""
     known = blake2b(part.encode(), digest_size=20)
-    for file in [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file()):
+    inner = ([path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file()) for path in paths)
+    for file in (file for files in inner for file in files):
         known.update(file.name.encode() + b"\0")
         with file.open("rb") as stream:
             while block := stream.read(1 << 22):

@@ -10,6 +10,8 @@ truth, are no odometry.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
+from os.path import commonpath
 from pathlib import PurePosixPath
 
 from teamslam.io.bags.contents import Contents, TopicContents
@@ -18,12 +20,25 @@ TRUTH = re.compile("mocap|motion_capture|vicon|vrpn|optitrack|qualisys|truth|(?:
 COMMON = {"tags", "detections", "tag_detections", "image", "image_raw", "image_rect", "image_color", "compressed"}
 
 
-def proposal(found: Contents) -> str:
-    """The text of a team file (TOML) for what a recording holds; lines to check end in '# ?'."""
+def proposal(*recordings: Contents) -> str:
+    """The text of a team file (TOML) for what recordings hold, each of robots of its own; lines to check end in '# ?'.
+    It is to lie beside them, or in the folder that has all of their folders in it."""
+    folder = commonpath([path.absolute().parent for found in recordings for path in found.paths])
     lines = ["[tags]", "size_m = 0.15  # ? the edge of the black square", ""]
-    robots = list(_robots(found))
+    stems = [_stem(found) for found in recordings]
+    if len(set(stems)) < len(stems):
+        stems = [found.paths[0].absolute().parent.name for found in recordings]
+    for k, found in enumerate(recordings):
+        stem = stems[k] if stems.count(stems[k]) == 1 else f"{stems[k]}_{k + 1}"
+        lines += _proposed(found, stem, folder)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _proposed(found: Contents, stem: str, folder: str) -> Iterator[str]:
+    """The lines of one recording; of its robots, where it is of one, called `stem`."""
+    robots, lines = list(_robots(found, stem)), list[str]()
     for robot in robots:
-        lines += ["[[robot]]", f"name = {_text(robot.name)}", f"recording = {_text(found.path.name)}"]
+        lines += ["[[robot]]", f"name = {_text(robot.name)}", f"recording = {_recording(found, folder)}"]
         if robot.ways:
             others = " or ".join(way.name for way in robot.ways[1:])
             lines.append(f"odometry = {_text(robot.ways[0].name)}" + (f"  # ? or {others}" if others else ""))
@@ -37,8 +52,8 @@ def proposal(found: Contents) -> str:
         for camera, called in zip(robot.cameras, _names(robot.cameras), strict=True):
             lines += [*_camera(camera, called, found), ""]
     told = {camera.name for robot in robots for camera in robot.cameras}
-    lines += [f"# {topic.name}: ? a camera of which robot" for topic in _seeing(found) if topic.name not in told]
-    return "\n".join(lines).rstrip() + "\n"
+    yield from lines
+    yield from (f"# {topic.name}: ? a camera of which robot" for topic in _seeing(found) if topic.name not in told)
 
 
 @dataclass(frozen=True)
@@ -50,15 +65,28 @@ class _Robot:
     cameras: Sequence[TopicContents]
 
 
-def _robots(found: Contents) -> Iterator[_Robot]:
+def _robots(found: Contents, stem: str) -> Iterator[_Robot]:
     ways, seeing = _ways(found), _seeing(found)
     spaces = [_space(way.name) for way in ways]
     own = [[topic for topic in seeing if _space(topic.name) == space] for space in spaces]
     if len(ways) < 2 or len(set(spaces)) < len(spaces) or (seeing and not any(own)):
-        yield _Robot(found.path.stem, sorted(ways, key=lambda way: -len(way.stamps_s)), seeing)
+        yield _Robot(stem, sorted(ways, key=lambda way: -len(way.stamps_s)), seeing)
         return
     for way, space, cameras in zip(ways, spaces, own, strict=True):
         yield _Robot(space, [way], cameras)
+
+
+def _recording(found: Contents, folder: str) -> str:
+    """Where it is, as seen from a folder, or the list of its parts."""
+    names = [_text(path.absolute().relative_to(folder).as_posix()) for path in found.paths]
+    return names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+
+
+def _stem(found: Contents) -> str:
+    """What a recording is called; of several parts what their names begin with."""
+    first, *others = (path.stem for path in found.paths)
+    letters = takewhile(lambda alike: len(set(alike)) == 1, zip(first, *others, strict=False))
+    return (first if not others else "".join(letter for letter, *_ in letters).rstrip("_-. ")) or first
 
 
 def _ways(found: Contents) -> list[TopicContents]:

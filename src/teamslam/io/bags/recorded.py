@@ -30,10 +30,9 @@ SIZE_DIFFERS = 0.01  # of a tag's edge, from where on it is told
 
 def seen_by(entry: RobotEntry, folder: Path, team: TeamFile, progress: Progress | None) -> Seen:
     """A robot's recording, video or folder of images, read."""
-    path = folder / entry.recording
-    if is_video(path) or (path.is_dir() and not is_recording(path)):
-        return _seen_in_files(entry, folder, team.tags.looking(), progress)
-    with opened(path) as recording:
+    if (path := _files(entry, folder)) is not None:
+        return _seen_in_files(entry, path, folder, team.tags.looking(), progress)
+    with opened(_parts(entry, folder)) as recording:
         track = read_track(recording, entry.odometry) if entry.odometry is not None else None
         truth = read_track(recording, entry.truth) if entry.truth is not None else None
         looks = [_seen_by_camera(entry, camera, folder, recording, team, progress) for camera in entry.camera]
@@ -70,22 +69,39 @@ def _seen_by_camera(
 
 def cameras_of(entry: RobotEntry, folder: Path) -> tuple[Camera, ...]:
     """The calibrated cameras of a robot, in the order of its entry."""
-    path = folder / entry.recording
-    if is_video(path) or (path.is_dir() and not is_recording(path)):
+    if _files(entry, folder) is not None:
         return tuple(_camera_of(camera, folder, None) for camera in entry.camera)
-    with opened(path) as recording:
+    with opened(_parts(entry, folder)) as recording:
         return tuple(_camera_of(camera, folder, recording) for camera in entry.camera)
 
 
 @contextmanager
 def images_of(entry: RobotEntry, camera: CameraEntry, folder: Path) -> Iterator[Pictures]:
     """The images of a camera, while its recording is open."""
-    path = folder / entry.recording
-    if is_video(path) or (path.is_dir() and not is_recording(path)):
+    if (path := _files(entry, folder)) is not None:
         yield _pictures_in_files(path, camera, folder)
         return
-    with opened(path) as recording:
+    with opened(_parts(entry, folder)) as recording:
         yield pictures_of_topic(recording, camera.images)
+
+
+def _parts(entry: RobotEntry, folder: Path) -> list[Path]:
+    """Where a robot's recording is, or its parts."""
+    return [folder / part for part in entry.parts]
+
+
+def _files(entry: RobotEntry, folder: Path) -> Path | None:
+    """The video or the folder of images that is a robot's recording; None where it is one of ROS. InputError for a list
+    of such."""
+    paths = _parts(entry, folder)
+    found = [path for path in paths if is_video(path) or (path.is_dir() and not is_recording(path))]
+    if not found or len(paths) == 1:
+        return found[0] if found else None
+    raise InputError(
+        "only recordings of ROS come in parts; of videos and folders of images give each its own robot",
+        path=found[0],
+        field="robot.recording",
+    )
 
 
 def _pictures_in_files(path: Path, camera: CameraEntry, folder: Path) -> Pictures:
@@ -114,9 +130,8 @@ def _calibrated(camera: CameraEntry, folder: Path, recording: Recording | None) 
     return read_camera(folder / camera.calibration, camera.calibration_name, topics)
 
 
-def _seen_in_files(entry: RobotEntry, folder: Path, looking: Looking, progress: Progress | None) -> Seen:
+def _seen_in_files(entry: RobotEntry, path: Path, folder: Path, looking: Looking, progress: Progress | None) -> Seen:
     """A robot whose recording is a video, or a folder of images."""
-    path = folder / entry.recording
     kind = "folder of images" if path.is_dir() else "video"
     for name in ("odometry", "truth"):
         if getattr(entry, name) is not None:

@@ -151,7 +151,18 @@ def _decoded(recording: Recording, topic: str, roles: tuple[str, ...]) -> Iterat
         if ROLES.get(type) not in roles:
             wanted = ", ".join(name for name, role in ROLES.items() if role in roles)
             raise InputError(f"{topic} holds {type}; expected one of {wanted}", path=recording.path)
+    here, left = -1, set[int]()
     for message in recording.messages([topic]):
+        if message.part != here:
+            left.add(here)
+            here = message.part
+            if here in left and "transforms" not in roles:
+                raise InputError(
+                    f"two of its parts hold {topic} at the same time: they are recordings of two robots, each of which "
+                    f"has its own [[robot]], or of one robot twice",
+                    path=recording.path,
+                    field="robot.recording",
+                )
         if (found := recording.decode(message)) is not None:
             yield message, found
 

@@ -7,7 +7,7 @@ size_m = 0.15                     the edge of the black square
 
 [[robot]]
 name = "one"
-recording = "one.bag"             beside this file, or absolute
+recording = "one.bag"             beside this file, or absolute; a list: the parts into which it was split
 odometry = "/odom"                a topic; without it the motion model ties frames
 [[robot.camera]]
 name = "left"
@@ -142,12 +142,13 @@ class CameraEntry(Placed, frozen=True, forbid_unknown_fields=True, kw_only=True,
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """A robot: its recording, the topic of its odometry, its cameras and the tags it carries. Of its images one is used
-    every `image_every_s`, the one that shows most tags. `truth` is a topic with its true poses, as motion capture gives
-    them: results are scored against it, and how late its stamps are is found out, unless it is `truth_in_time`."""
+    """A robot: its recording (a list: the parts into which it was split), the topic of its odometry, its cameras and
+    the tags it carries. Of its images one is used every `image_every_s`, the one that shows most tags. `truth` is a
+    topic with its true poses, as motion capture gives them: results are scored against it, and how late its stamps are
+    is found out, unless it is `truth_in_time`."""
 
     name: str
-    recording: str
+    recording: str | list[str]
     odometry: str | None = None
     truth: str | None = None
     truth_in_time: bool = False
@@ -157,6 +158,11 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     clock: StatedClock = StatedClock()
     camera: list[CameraEntry] = []
     tag: list[CarriedTag] = []
+
+    @property
+    def parts(self) -> list[str]:
+        """The files of its recording."""
+        return [self.recording] if isinstance(self.recording, str) else self.recording
 
 
 class LandmarkEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -200,11 +206,15 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     options: dict[str, object] = {}
 
     def with_recordings(self, others: Sequence[str], path: Path) -> "TeamFile":
-        """With `others` for the recordings in it, in the order in which it first names them; none: as it is. InputError
-        where there are more or fewer."""
+        """With `others` for the recordings in it, or their parts, in the order in which it first names them; none: as
+        it is. Of a team with one recording they are its parts. InputError where there are more or fewer."""
         if not others:
             return self
-        named = list(dict.fromkeys(robot.recording for robot in self.robot))
+        if len({tuple(robot.parts) for robot in self.robot}) == 1:
+            parts: str | list[str] = others[0] if len(others) == 1 else list(others)
+            robots = [msgspec.structs.replace(robot, recording=parts) for robot in self.robot]
+            return msgspec.structs.replace(self, robot=robots)
+        named = list(dict.fromkeys(part for robot in self.robot for part in robot.parts))
         if len(named) != len(others):
             raise InputError(
                 f"the team file names {len(named)} recordings ({', '.join(named)}), and {len(others)} are given",
@@ -212,7 +222,15 @@ class TeamFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
                 field="robot.recording",
             )
         instead = dict(zip(named, others, strict=True))
-        robots = [msgspec.structs.replace(robot, recording=instead[robot.recording]) for robot in self.robot]
+        robots = [
+            msgspec.structs.replace(
+                robot,
+                recording=instead[robot.recording]
+                if isinstance(robot.recording, str)
+                else [instead[part] for part in robot.recording],
+            )
+            for robot in self.robot
+        ]
         return msgspec.structs.replace(self, robot=robots)
 
     def carried(self) -> dict[int, Tag]:
@@ -279,6 +297,8 @@ def _check(team: TeamFile) -> None:
     if not 0.0 <= team.tags.size_sigma < 1.0:
         raise InputError("size_sigma is a share, from 0 to 1", field="tags.size_sigma")
     for robot in team.robot:
+        if not robot.parts:
+            raise InputError(f"robot {robot.name} has no recording", field="robot.recording")
         if robot.dim not in (2, 3):
             raise InputError(f"a robot moves in the plane (2) or in space (3), found {robot.dim}", field="robot.dim")
         if robot.dim == 2 and robot.odometry is None:

@@ -52,7 +52,7 @@ def pictures_of_video(
                     if good:
                         yield Picture(tick, lambda image=image: _in_grey(image))  # type: ignore[misc]
 
-    return Pictures(path.name, digest(path, f"{every} {stamped(ticks.tolist())}"), -(-len(ticks) // every), each)
+    return Pictures(path.name, digest([path], f"{every} {stamped(ticks.tolist())}"), -(-len(ticks) // every), each)
 
 
 def filmed_now(device: str, rate_hz: float | None = None) -> Generator[Picture]:
