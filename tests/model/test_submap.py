@@ -69,6 +69,17 @@ def test_rows_told_twice_are_rows_told_once() -> None:
     assert Sources.of([table, table.select(np.array([0]))]) == {Stretch(1, "landmarks", 3, 5)}
 
 
+@given(rows_drawn, rows_drawn)
+def test_sources_are_a_set_of_stretches(a: frozenset, b: frozenset) -> None:
+    one, other = Sources.of(tables_of(a)), Sources.of(tables_of(b))
+    assert one == set(one) == Sources(reversed(list(one)))
+    assert len(one) == len(list(one)) and list(one) == sorted(one) and all(s in one for s in one)
+    assert (one == other) == (a == b) == (hash(one) == hash(other))
+    for table in tables_of(b):
+        told = {(table.robot, table.source, i) for i in table.ids[one.rows_of(table)].tolist()}
+        assert told == {(table.robot, table.source, i) for i in table.ids.tolist()} & a
+
+
 # --- submaps --------------------------------------------------------------------------------------------------------
 
 BASE = int(pose_key(1, 0))

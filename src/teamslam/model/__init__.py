@@ -37,7 +37,8 @@ from teamslam.model.layout import Kind, Layout, among, distinct, point_kind, pos
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
 from teamslam.model.sensors import MODELS, Model
-from teamslam.model.submap import Sources, Stretch, Submap
+from teamslam.model.sources import Sources, Stretch
+from teamslam.model.submap import Submap
 from teamslam.model.tables import Table, told_by
 from teamslam.model.unknowns import Stamps, Standing, Unknown, Unknowns
 from teamslam.model.values import Values, pack, unpack

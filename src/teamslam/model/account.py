@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from teamslam.errors import in_words
 from teamslam.geometry import IntArray
-from teamslam.model.submap import Sources
+from teamslam.model.sources import Sources
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ The information matrix, not its triangular root, is what is kept: it is sparse w
 root fills in; `square_root` gives the triangle where one is wanted.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NoReturn, overload
@@ -22,73 +22,9 @@ from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, read_only
 from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
 from teamslam.model.layout import pose_kind
+from teamslam.model.sources import Sources
 from teamslam.model.tables import Table
 from teamslam.model.values import Values
-
-
-@dataclass(frozen=True, order=True)
-class Stretch:
-    """Rows start..stop (stop not included) of one robot's log of one source ('odometry', 'landmarks', ...)."""
-
-    robot: int
-    source: str
-    start: int
-    stop: int
-
-
-class Sources(frozenset[Stretch]):
-    """Which rows of which logs: a set of disjoint stretches."""
-
-    def __repr__(self) -> str:
-        return (
-            f"Sources({sum(s.stop - s.start for s in self):,} rows of {len({(s.robot, s.source) for s in self})} logs)"
-        )
-
-    @classmethod
-    def of(cls, tables: Iterable[Table]) -> "Sources":
-        """The rows that some tables hold, as few stretches as there can be: equal rows make equal sources."""
-        rows: dict[tuple[int, str], list[IntArray]] = {}
-        for table in tables:
-            rows.setdefault((table.robot, table.source), []).append(table.ids)
-        found: list[Stretch] = []
-        for (robot, source), parts in rows.items():
-            ids = np.concatenate(parts)
-            if not (np.diff(ids) > 0).all():
-                ids = np.unique(ids)
-            for run in np.split(ids, np.flatnonzero(np.diff(ids) != 1) + 1):
-                if len(run):
-                    found.append(Stretch(robot, source, int(run[0]), int(run[-1]) + 1))
-        return cls(found)
-
-    def rows_of(self, table: Table) -> BoolArray:
-        """Which rows (m,) of a table are among them."""
-        mine = sorted((s.start, s.stop) for s in self if (s.robot, s.source) == (table.robot, table.source))
-        if not mine:
-            return np.zeros(len(table), bool)
-        starts, stops = np.array(mine, np.int64).T
-        at = np.searchsorted(starts, table.ids, side="right") - 1
-        return np.asarray((at >= 0) & (table.ids < stops[np.maximum(at, 0)]))
-
-    def overlap(self, other: "Sources") -> Stretch | None:
-        """A stretch that stands in both, or None: what would be counted twice."""
-        mine: dict[tuple[int, str], list[Stretch]] = {}
-        for stretch in sorted(self):
-            mine.setdefault((stretch.robot, stretch.source), []).append(stretch)
-        for theirs in sorted(other):
-            for stretch in mine.get((theirs.robot, theirs.source), ()):
-                start, stop = max(stretch.start, theirs.start), min(stretch.stop, theirs.stop)
-                if start < stop:
-                    return Stretch(theirs.robot, theirs.source, start, stop)
-        return None
-
-    def merge(self, *others: "Sources") -> "Sources":
-        """All rows of several disjoint sets, neighbouring stretches made one."""
-        merged: list[tuple[int, str, int, int]] = []
-        for robot, source, start, stop in sorted((s.robot, s.source, s.start, s.stop) for s in self.union(*others)):
-            if merged and (robot, source, start) == (merged[-1][0], merged[-1][1], merged[-1][3]):
-                start = merged.pop()[2]
-            merged.append((robot, source, start, stop))
-        return Sources(Stretch(*row) for row in merged)
 
 
 def frozen(matrix: sp.csr_array) -> sp.csr_array:

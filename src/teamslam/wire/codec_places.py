@@ -10,7 +10,6 @@ from teamslam.geometry import IntArray
 from teamslam.model import (
     Names,
     Sources,
-    Stretch,
     index_of,
     is_landmark,
     is_pose,
@@ -21,7 +20,7 @@ from teamslam.wire.packing import DAMAGED, Reader, Writer
 
 def put_names(out: Writer, names: Names, known: IntArray, sources: Sources) -> None:
     """Write the names of what a message speaks of."""
-    robots = {int(r) for r in robot_of(known[is_pose(known)])} | {s.robot for s in sources}
+    robots = {int(r) for r in robot_of(known[is_pose(known)])} | {robot for robot, _ in sources.edges}
     landmarks = {int(n) for n in index_of(known[is_landmark(known)])}
     out.real(names.tick_s)
     for called, used in ((names.robots, robots), (names.landmarks, landmarks)):
@@ -64,26 +63,24 @@ def get_known(source: Reader) -> IntArray:
 
 
 def put_sources(out: Writer, sources: Sources) -> None:
-    logs = sorted({(s.robot, s.source) for s in sources})
-    out.number(len(logs))
-    for robot, name in logs:
-        stretches = sorted((s.start, s.stop) for s in sources if (s.robot, s.source) == (robot, name))
+    out.number(len(sources.edges))
+    for (robot, name), stretches in sources.edges.items():
         out.number(robot)
         out.text(name)
         out.number(len(stretches))
-        edges = np.array(stretches, np.int64).ravel()
+        edges = stretches.ravel()
         out.number(int(edges[0]))
         out.integers(np.diff(edges) - 1, np.arange(len(edges) - 1) % 2)
 
 
 def get_sources(source: Reader) -> Sources:
-    found = []
+    found = Sources()
     for _ in range(source.count()):
         robot, name, count, first = source.number(), source.text(), source.count(), source.number()
         steps = source.integers(2 * count - 1, np.arange(2 * count - 1) % 2) + 1
         edges = first + np.concatenate([[0], np.cumsum(steps)])
-        found += [Stretch(robot, name, int(a), int(b)) for a, b in edges.reshape(-1, 2).tolist()]
-    return Sources(found)
+        found = found.merge(Sources.by_edges({(robot, name): edges.astype(np.int64).reshape(-1, 2)}))
+    return found
 
 
 def put_places(out: Writer, places: IntArray) -> None:

@@ -188,7 +188,7 @@ def _message(submap: Submap) -> tuple[bytes, bytes, bytes]:
         indptr=_packed(upper.indptr),
         indices=_packed(upper.indices),
         data=_packed(upper.data),
-        sources=[(s.robot, s.source, s.start, s.stop) for s in sorted(submap.sources)],
+        sources=[(s.robot, s.source, s.start, s.stop) for s in submap.sources],
         robots=sorted(submap.names.robots.items()),
         landmarks=sorted(submap.names.landmarks.items()),
         tick_s=float(submap.names.tick_s),

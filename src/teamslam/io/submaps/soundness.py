@@ -62,10 +62,7 @@ def check_raw(submap: Submap) -> None:
     layout = submap.values.layout
     points = layout.keys[layout.kinds >= Kind.POINT2]
     for table in submap.raw:
-        owned = np.zeros(len(table), bool)
-        for stretch in submap.sources:
-            if (stretch.robot, stretch.source) == (table.robot, table.source):
-                owned |= (table.ids >= stretch.start) & (table.ids < stretch.stop)
+        owned = submap.sources.rows_of(table)
         if not owned.all():
             raise InputError(
                 f"its raw {table.source} hold row {table.ids[~owned][0]} of robot {table.robot}, which is not among "

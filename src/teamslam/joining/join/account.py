@@ -137,7 +137,7 @@ class _Books:
     def __init__(self, log: Dataset, maps: Sequence[Submap]) -> None:
         self.log, self.maps, self.names = log, maps, log.names
         self.known = np.unique(np.concatenate([*(m.keys for m in maps), np.zeros(0, np.int64)]))
-        held = Sources(s for m in maps for s in m.sources)
+        held = Sources().merge(*(m.sources for m in maps))
         waiting = [table for m in maps for table in m.raw]
         self.open = [_not_held(table, held, waiting) for table in log.tables]
         self.missing = np.setdiff1d(log.layout.keys, self.known)

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from teamslam.errors import ModelError
+from teamslam.geometry import IntArray
 from teamslam.model import Submap, is_landmark
 
 Conflict = tuple[int, int, str]
@@ -24,24 +25,37 @@ def refuse_double_counting(submaps: Sequence[Submap]) -> None:
 
 def rows_in_two(submaps: Sequence[Submap]) -> Iterable[Conflict]:
     """Each pair of submaps that hold the same rows of a log."""
-    stretches = sorted(
-        (s.robot, s.source, s.start, s.stop, number) for number, submap in enumerate(submaps) for s in submap.sources
-    )
-    for _, group in itertools.groupby(stretches, key=lambda s: s[:2]):
-        open_: list[tuple[int, int]] = []
-        for robot, source, start, stop, number in group:
-            open_ = [(end, other) for end, other in open_ if end > start]
-            for end, other in open_:
-                if other != number:
-                    yield (
-                        number,
-                        other,
-                        f"rows {start} to {min(end, stop) - 1} of the {source} of robot {robot} stand in both submap "
-                        f"{submaps[other].id} and submap {submaps[number].id}; joined, they would count twice and "
-                        f"the map would be too sure of itself; where they are of two drives of one robot, it needs a "
-                        f"name and a number of its own in the second log",
-                    )
-            open_.append((stop, number))
+    logs: dict[tuple[int, str], list[tuple[int, IntArray]]] = {}
+    for number, submap in enumerate(submaps):
+        for log, edges in submap.sources.edges.items():
+            logs.setdefault(log, []).append((number, edges))
+    for log, held in sorted(logs.items()):
+        yield from _in_two(submaps, log, held)
+
+
+def _in_two(
+    submaps: Sequence[Submap], log: tuple[int, str], held: Sequence[tuple[int, IntArray]]
+) -> Iterable[Conflict]:
+    numbers = np.repeat([number for number, _ in held], [len(edges) for _, edges in held])
+    edges = np.concatenate([edges for _, edges in held])
+    order = np.lexsort((numbers, edges[:, 1], edges[:, 0]))
+    if (edges[order[1:], 0] >= np.maximum.accumulate(edges[order[:-1], 1])).all():
+        return
+    robot, source = log
+    open_: list[tuple[int, int]] = []
+    for (start, stop), number in zip(edges[order].tolist(), numbers[order].tolist(), strict=True):
+        open_ = [(end, other) for end, other in open_ if end > start]
+        for end, other in open_:
+            if other != number:
+                yield (
+                    number,
+                    other,
+                    f"rows {start} to {min(end, stop) - 1} of the {source} of robot {robot} stand in both submap "
+                    f"{submaps[other].id} and submap {submaps[number].id}; joined, they would count twice and "
+                    f"the map would be too sure of itself; where they are of two drives of one robot, it needs a "
+                    f"name and a number of its own in the second log",
+                )
+        open_.append((stop, number))
 
 
 def priors_in_several(submaps: Sequence[Submap]) -> Iterable[Conflict]:
