@@ -69,7 +69,7 @@ def odometry(topic, stamp_ns, position, quaternion_xyzw=(0.0, 0.0, 0.0, 1.0), re
     return topic, "nav_msgs/msg/Odometry", received_ns or stamp_ns, make
 
 
-def detections(topic, stamp_ns, tags, received_ns=None):
+def detections(topic, stamp_ns, tags, received_ns=None, frame="camera"):
     """One message of tags: (id, corners (4, 2) as the AprilTag library counts pixels)."""
 
     def make(store, header):
@@ -80,7 +80,7 @@ def detections(topic, stamp_ns, tags, received_ns=None):
                 [point(*map(float, corner)) for corner in corners], np.zeros(9))
             for number, corners in tags
         ]  # fmt: skip
-        return store.types["apriltag_msgs/msg/AprilTagDetectionArray"](header(stamp_ns, "camera"), found)
+        return store.types["apriltag_msgs/msg/AprilTagDetectionArray"](header(stamp_ns, frame), found)
 
     return topic, "apriltag_msgs/msg/AprilTagDetectionArray", received_ns or stamp_ns, make
 
@@ -117,14 +117,16 @@ def tag_poses(topic, stamp_ns, tags, type_):
     return topic, type_, stamp_ns, make
 
 
-def transform(topic, stamp_ns, parent, child, position, type="tf2_msgs/msg/TFMessage"):
+def transform(
+    topic, stamp_ns, parent, child, position, type="tf2_msgs/msg/TFMessage", quaternion_xyzw=(0.0, 0.0, 0.0, 1.0)
+):
     """One transform as it is broadcast."""
 
     def make(store, header):
         types = store.types
         moved = types["geometry_msgs/msg/Transform"](
             types["geometry_msgs/msg/Vector3"](*map(float, position)),
-            types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+            types["geometry_msgs/msg/Quaternion"](*map(float, quaternion_xyzw)),
         )
         one = types["geometry_msgs/msg/TransformStamped"](header(stamp_ns, parent), child, moved)
         return types[type]([one])

@@ -5,6 +5,7 @@ opened      a recording open: its topics, and its messages one after another
 roles       what the types of messages are for, and the definitions of those that are not part of ROS
 contents    what a recording holds, with rates and gaps
 streams     messages of one topic as arrays
+tree        the frames that were broadcast (tf)
 proposal    a first team file for a recording
 """
 

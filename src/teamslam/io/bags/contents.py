@@ -4,19 +4,23 @@ The rate is one over the median step between stamps. A gap is a step of more tha
 a stamp before the one recorded before it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from teamslam.frontend.streams import TICKS_PER_S, Track
 from teamslam.geometry import Array
 from teamslam.io.bags.opened import Message, Recording, opened
-from teamslam.io.bags.roles import ROLES
+from teamslam.io.bags.roles import ROLES, TRUTH
+from teamslam.io.bags.streams import hear
+from teamslam.io.bags.tree import Broadcast, Pair, driven, name_of
 from teamslam.model import Dropped
 
 GAP = 5.0
 SECOND_NS = 1_000_000_000
+HEARD = 200  # messages of transforms that are looked at where there is odometry
 LEVEL = 1e-6  # [m], and of a quaternion: what rounding lifts
 
 
@@ -57,11 +61,14 @@ class TopicContents:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """A recording looked over: where it is, or its parts, its topics by name, and what could not be read."""
+    """A recording looked over: where it is, or its parts, its topics by name, what could not be read, and the
+    transforms that were broadcast (beside odometry, the first of them). Without a topic of odometry the transforms that
+    say how robots moved stand among the topics, as odometry."""
 
     paths: tuple[Path, ...]
     topics: tuple[TopicContents, ...]
     dropped: tuple[Dropped, ...]
+    transforms: Mapping[Pair, Track]
 
     @property
     def start_s(self) -> float:
@@ -80,20 +87,28 @@ class Contents:
 
 def contents(path: str | Path | Sequence[str | Path]) -> Contents:
     """Look a recording over, or the parts of one; every message is read once and none is decoded but the first of a
-    topic, and of odometry one a second. Raises InputError where it cannot be opened."""
+    topic, of odometry one a second, and transforms. Raises InputError where it cannot be opened."""
     with opened(path) as recording:
         stamps: dict[str, list[int]] = {topic: [] for topic in recording.topics}
         frames: dict[str, tuple[str, str]] = {}
         looks: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
+        heard: dict[str, Broadcast] = {}
+        moved = any(
+            ROLES.get(types[0]) == "odometry" and count and not TRUTH.search(name)
+            for name, (types, count) in recording.topics.items()
+        )
         for message in recording.messages(recording.topics):
+            role = ROLES.get(message.type)
             stamps[message.topic].append(message.stamp_ns)
             if message.topic not in frames:
                 frames[message.topic] = _frames(recording, message)
-            if ROLES.get(message.type) == "odometry":
+            if role == "odometry":
                 looked = looks.setdefault(message.topic, [])
                 if not looked or abs(message.stamp_ns - looked[-1][0]) >= SECOND_NS:
                     looked.append((message.stamp_ns, _off_plane(recording, message)))
-        topics = tuple(
+            elif role == "transforms" and not (moved and len(stamps[message.topic]) > HEARD):
+                hear(recording, heard.setdefault(message.topic, Broadcast()), message)
+        topics = [
             TopicContents(
                 name,
                 types,
@@ -103,8 +118,31 @@ def contents(path: str | Path | Sequence[str | Path]) -> Contents:
                 _planar([off for _, off in looks.get(name, ())]),
             )
             for name, (types, _) in sorted(recording.topics.items())
-        )
-        return Contents(recording.paths, topics, recording.dropped)
+        ]
+        transforms = {name: broadcast.tracks() for name, broadcast in heard.items()}
+        together = {pair: track for tracks in transforms.values() for pair, track in tracks.items()}
+        if not moved:
+            topics += [
+                TopicContents(
+                    name_of(name, pair),
+                    (f"a transform of {name}",),
+                    "odometry",
+                    tracks[pair].ticks / TICKS_PER_S,
+                    pair,
+                    _planar(_off_planes(tracks[pair])),
+                )
+                for name, tracks in sorted(transforms.items())
+                for pair in driven(tracks)
+            ]
+        return Contents(recording.paths, tuple(topics), recording.dropped, together)
+
+
+def _off_planes(track: Track) -> list[tuple[float, ...]]:
+    """Of each pose of a track what `_off_plane` tells of a message."""
+    return [
+        (height, x, y)
+        for height, (_, x, y, _) in zip(track.poses.translation[:, 2], track.poses.quaternion_wxyz(), strict=True)
+    ]
 
 
 def _off_plane(recording: Recording, message: Message) -> tuple[float, ...]:
@@ -126,7 +164,7 @@ def _planar(off: list[tuple[float, ...]]) -> bool:
 
 def _frames(recording: Recording, message: Message) -> tuple[str, str]:
     """The names of frames in a message's header, where its type is one that teamslam uses."""
-    if ROLES.get(message.type, "transforms") in ("transforms", "image"):
+    if ROLES.get(message.type, "transforms") == "transforms":
         return "", ""
     found = recording.decode(message)
     return str(getattr(getattr(found, "header", None), "frame_id", "")), str(getattr(found, "child_frame_id", ""))

@@ -7,16 +7,17 @@ images, and goes with the calibration beside it (camera_info). Poses whose topic
 truth, are no odometry.
 """
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from os.path import commonpath
 from pathlib import PurePosixPath
 
+from teamslam.geometry import Array
 from teamslam.io.bags.contents import Contents, TopicContents
+from teamslam.io.bags.roles import TRUTH
+from teamslam.io.bags.tree import standing_in
 
-TRUTH = re.compile("mocap|motion_capture|vicon|vrpn|optitrack|qualisys|truth|(?:^|[/_])gt$", re.IGNORECASE)
 COMMON = {"tags", "detections", "tag_detections", "image", "image_raw", "image_rect", "image_color", "compressed"}
 
 
@@ -41,7 +42,8 @@ def _proposed(found: Contents, stem: str, folder: str) -> Iterator[str]:
         lines += ["[[robot]]", f"name = {_text(robot.name)}", f"recording = {_recording(found, folder)}"]
         if robot.ways:
             others = " or ".join(way.name for way in robot.ways[1:])
-            lines.append(f"odometry = {_text(robot.ways[0].name)}" + (f"  # ? or {others}" if others else ""))
+            others = f"  # ? or {others}" if others else "  # ? by tf" if "->" in robot.ways[0].name else ""
+            lines.append(f"odometry = {_text(robot.ways[0].name)}{others}")
             if robot.ways[0].planar:
                 lines.append("# dim = 2  # ? on the ground: this odometry never leaves the plane")
         for truth in _truths(found):
@@ -50,7 +52,8 @@ def _proposed(found: Contents, stem: str, folder: str) -> Iterator[str]:
                 break
         lines.append("")
         for camera, called in zip(robot.cameras, _names(robot.cameras), strict=True):
-            lines += [*_camera(camera, called, found), ""]
+            body = robot.ways[0].frames[1] if robot.ways else ""
+            lines += [*_camera(camera, called, found, body), ""]
     told = {camera.name for robot in robots for camera in robot.cameras}
     yield from lines
     yield from (f"# {topic.name}: ? a camera of which robot" for topic in _seeing(found) if topic.name not in told)
@@ -128,7 +131,7 @@ def _depths(found: Contents) -> list[TopicContents]:
     return sorted(topics, key=lambda topic: topic.name.lower().endswith("compresseddepth"))
 
 
-def _camera(topic: TopicContents, called: str, found: Contents) -> Iterator[str]:
+def _camera(topic: TopicContents, called: str, found: Contents, body: str) -> Iterator[str]:
     parent = PurePosixPath(topic.name).parent
     yield "[[robot.camera]]"
     yield f"name = {_text(called)}"
@@ -144,8 +147,19 @@ def _camera(topic: TopicContents, called: str, found: Contents) -> Iterator[str]
         yield 'calibration = "calibration.yaml"  # ? no camera_info beside it: a file of ROS, OpenCV, Kalibr, ...'
     if deep := [t for t in _depths(found) if _space(t.name) == _space(topic.name)]:
         yield f"depth = {_text(deep[0].name)}  # ? registered to this camera, pixel for pixel"
-    yield "xyz_m = [0.0, 0.0, 0.0]  # ? where the camera is in the robot's body"
-    yield "quaternion_wxyz = [1.0, 0.0, 0.0, 0.0]  # ? and how it is turned (z looks ahead, x to the right)"
+    stands, eye = None, ""
+    for eye in (t.frames[0] for t in (topic, *beside[:1]) if body and t.frames[0] and stands is None):
+        stands = standing_in(found.transforms, body, eye)
+    if stands is None:
+        yield "xyz_m = [0.0, 0.0, 0.0]  # ? where the camera is in the robot's body"
+        yield "quaternion_wxyz = [1.0, 0.0, 0.0, 0.0]  # ? and how it is turned (z looks ahead, x to the right)"
+    else:
+        yield f"xyz_m = {_numbers(stands.translation)}  # ? {eye} in {body}, by tf"
+        yield f"quaternion_wxyz = {_numbers(stands.quaternion_wxyz())}  # ? if {eye} looks along z, x to the right"
+
+
+def _numbers(some: Array) -> list[float]:
+    return [round(number, 9) + 0.0 for number in some.tolist()]
 
 
 def _names(topics: Sequence[TopicContents]) -> list[str]:

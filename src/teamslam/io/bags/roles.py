@@ -5,6 +5,11 @@ Names are those of ROS 2 (`package/msg/Name`), also of ROS 1 bags.
 Sources of the definitions: apriltag_msgs (christianrauch), isaac_ros_apriltag_interfaces, apriltag_ros, vision_msgs.
 """
 
+import re
+
+TRUTH = re.compile("mocap|motion_capture|vicon|vrpn|optitrack|qualisys|truth|(?:^|[/_])gt$", re.IGNORECASE)
+"""What topics and frames of motion capture are called."""
+
 ROLES: dict[str, str] = {
     "nav_msgs/msg/Odometry": "odometry",
     "geometry_msgs/msg/PoseStamped": "pose",

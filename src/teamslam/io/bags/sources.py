@@ -15,16 +15,16 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".we
 
 @contextmanager
 def images_from(paths: Sequence[Path], topic: str | None = None) -> Iterator[Pictures]:
-    """The images of a video, of a recording's topic (which may be left out where there is one), of a folder or of
-    files, while they are open. InputError where there is none."""
+    """The images of a video, of the topic of a recording or of its parts (the topic may be left out where there is but
+    one), of a folder or of files, while they are open. InputError where there is none."""
     first = paths[0]
     if not first.exists():
         raise InputError("there is no such file or folder", path=first)
     if len(paths) == 1 and is_video(first):
         yield pictures_of_video(first)
         return
-    if len(paths) == 1 and is_recording(first):
-        with opened(first) as recording:
+    if all(map(is_recording, paths)):
+        with opened(paths) as recording:
             all_ = [name for name, (types, _) in recording.topics.items() if ROLES.get(types[0]) == "image"]
             if topic is None and len(all_) != 1:
                 raise InputError(f"say which images with --topic; there are {', '.join(all_) or 'none'}", path=first)

@@ -13,28 +13,31 @@ import numpy as np
 from teamslam.errors import InputError
 from teamslam.frontend.streams import TagCorners, Track
 from teamslam.frontend.tags.implied import TagPoses
-from teamslam.geometry import Array, Pose
+from teamslam.geometry import Array
 from teamslam.io.bags.opened import Message, Recording
+from teamslam.io.bags.poses import is_pose, poses_of, seven_of
 from teamslam.io.bags.roles import ROLES
+from teamslam.io.bags.tree import Broadcast, Pair, moves, name_of, pair_named
 
 HALF_PIXEL = {"apriltag_msgs/msg/AprilTagDetectionArray", "isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"}
 """Types whose pixels have their centres at halves, as the AprilTag library counts them."""
 
-FARTHEST_M = 1e8  # from an origin: what is farther (or no number) is damage, not a place
 FARTHEST_PIXEL = 1e6
 FARTHEST_TAG_M = 1e3
 
 
 def read_track(recording: Recording, topic: str) -> Track:
-    """Odometry or poses of one topic, in the order in which they were recorded. InputError where the topic holds
-    something else, or nothing."""
+    """Odometry or poses of one topic, or of one transform (`odom -> base_link`), in the order in which they were
+    recorded. InputError where the topic holds something else, or nothing."""
+    if (named := pair_named(topic)) is not None:
+        return _transform(recording, *named)
     ticks, numbers, noises = [], [], []
     parent = child = ""
     for message, found in _decoded(recording, topic, ("odometry", "pose")):
         parent = parent or found.header.frame_id
         child = child or getattr(found, "child_frame_id", "")
         seven, noise = _pose_of(found)
-        if not _is_pose(seven):
+        if not is_pose(seven):
             recording.lose(1, f"of {topic}: their position is no place, or their quaternion no rotation")
             continue
         ticks.append(message.tick)
@@ -43,7 +46,7 @@ def read_track(recording: Recording, topic: str) -> Track:
     known = [noise for noise in noises if noise is not None]
     return Track(
         np.array(ticks, np.int64),
-        _poses(numbers),
+        poses_of(numbers),
         parent,
         child,
         np.stack(known).reshape(-1, 6, 6) if known and len(known) == len(noises) else None,
@@ -52,25 +55,35 @@ def read_track(recording: Recording, topic: str) -> Track:
 
 def read_transforms(recording: Recording, topics: tuple[str, ...] = ("/tf", "/tf_static")) -> list[Track]:
     """Every transform that was broadcast, a track for each pair of frames."""
-    tracks: dict[tuple[str, str], tuple[list[int], list[list[float]]]] = {}
+    heard = Broadcast()
     for topic in topics:
-        if topic not in recording.topics:
-            continue
-        for message, found in _decoded(recording, topic, ("transforms",)):
-            for one in found.transforms:
-                seven = _seven(one.transform.translation, one.transform.rotation)
-                if not _is_pose(seven):
-                    recording.lose(1, f"of {topic}: a transform's position is no place, or its quaternion no rotation")
-                    continue
-                stamp = one.header.stamp.sec * 10**6 + one.header.stamp.nanosec // 1000
-                pair = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
-                ticks, numbers = tracks.setdefault(pair, ([], []))
-                ticks.append(stamp or message.tick)
-                numbers.append(seven)
-    return [
-        Track(np.array(ticks, np.int64), _poses(numbers), parent, child)
-        for (parent, child), (ticks, numbers) in tracks.items()
-    ]
+        if topic in recording.topics:
+            for message, found in _decoded(recording, topic, ("transforms",)):
+                _hear(recording, heard, message, found)
+    return list(heard.tracks().values())
+
+
+def hear(recording: Recording, heard: Broadcast, message: Message) -> None:
+    """Take in a message of transforms; those that are none are counted as dropped."""
+    if (found := recording.decode(message)) is not None:
+        _hear(recording, heard, message, found)
+
+
+def _hear(recording: Recording, heard: Broadcast, message: Message, found: Any) -> None:
+    if wrong := heard.hear(found, message.tick):
+        recording.lose(wrong, f"of {message.topic}: a transform's position is no place, or its quaternion no rotation")
+
+
+def _transform(recording: Recording, topic: str, pair: Pair) -> Track:
+    """One transform as a track. InputError where it was not broadcast."""
+    tracks = {(track.parent, track.child): track for track in read_transforms(recording, (topic,))}
+    if pair not in tracks:
+        listing = ", ".join(name_of(topic, other) for other, track in tracks.items() if moves(track)) or "none"
+        raise InputError(
+            f"there is no transform {name_of(topic, pair)}; of those that move this recording has {listing}",
+            path=recording.path,
+        )
+    return tracks[pair]
 
 
 def read_corners(recording: Recording, topic: str) -> TagCorners:
@@ -110,7 +123,7 @@ def read_tag_poses(recording: Recording, topic: str) -> TagPoses:
             number, seven, size = _posed(tag)
             if number is None:
                 recording.lose(1, f"of {topic}: a bundle of several tags, or one without a number")
-            elif not _is_pose(seven) or not 1e-3 < np.linalg.norm(seven[:3]) < FARTHEST_TAG_M:
+            elif not is_pose(seven) or not 1e-3 < np.linalg.norm(seven[:3]) < FARTHEST_TAG_M:
                 recording.lose(1, f"of {topic}: a tag whose pose is none that a camera can see")
             else:
                 frame.append(len(frames))
@@ -122,7 +135,7 @@ def read_tag_poses(recording: Recording, topic: str) -> TagPoses:
         np.array(frames, np.int64),
         np.array(frame, np.int64),
         np.array(ids, np.int64),
-        _poses(numbers),
+        poses_of(numbers),
         np.array(sizes, float),
     )
 
@@ -138,7 +151,7 @@ def _posed(tag: Any) -> tuple[int | None, list[float], float]:
     else:
         pose = tag.pose.pose.pose
         number, size = (int(tag.id[0]), float(tag.size[0])) if len(tag.id) == len(tag.size) == 1 else (None, 0.0)
-    return number, _seven(pose.position, pose.orientation), size
+    return number, seven_of(pose.position, pose.orientation), size
 
 
 def _decoded(recording: Recording, topic: str, roles: tuple[str, ...]) -> Iterator[tuple[Message, Any]]:
@@ -170,27 +183,8 @@ def _decoded(recording: Recording, topic: str, roles: tuple[str, ...]) -> Iterat
 def _pose_of(found: Any) -> tuple[list[float], Array | None]:
     """Position and quaternion (x, y, z, w) of a message with a pose, and its covariance where it has one."""
     if hasattr(found, "transform"):
-        return _seven(found.transform.translation, found.transform.rotation), None
+        return seven_of(found.transform.translation, found.transform.rotation), None
     pose, noise = found.pose, None
     if hasattr(pose, "covariance"):
         pose, noise = pose.pose, np.asarray(pose.covariance, float)
-    return _seven(pose.position, pose.orientation), noise
-
-
-def _seven(place: Any, turn: Any) -> list[float]:
-    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
-
-
-def _is_pose(seven: list[float]) -> bool:
-    """Whether numbers can be a pose: on Earth, with a quaternion of about unit length."""
-    *place, x, y, z, w = seven
-    return (
-        all(abs(number) < FARTHEST_M for number in place)
-        and all(abs(q) < 2.0 for q in (x, y, z, w))
-        and (0.25 < x * x + y * y + z * z + w * w < 4.0)
-    )
-
-
-def _poses(numbers: list[list[float]]) -> Pose:
-    table = np.array(numbers, float).reshape(-1, 7)
-    return Pose.from_quaternion(table[:, :3], table[:, [6, 3, 4, 5]])
+    return seven_of(pose.position, pose.orientation), noise

@@ -8,7 +8,7 @@ size_m = 0.15                     the edge of the black square
 [[robot]]
 name = "one"
 recording = "one.bag"             beside this file, or absolute; a list: the parts into which it was split
-odometry = "/odom"                a topic; without it the motion model ties frames
+odometry = "/odom"                a topic, or a transform, "odom -> base_link"; without it the motion model ties frames
 [[robot.camera]]
 name = "left"
 tags = "/left/tags"               a topic of detections; or images = "/left/image_raw", in which tags are looked for
