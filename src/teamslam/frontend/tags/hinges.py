@@ -17,10 +17,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.sparse import coo_array
 
-from teamslam.frontend.tags.mirrored import TURNED, cost_of, settled_alone, stands
-from teamslam.frontend.tags.whole_poses import voted_but
-from teamslam.geometry import BoolArray, IntArray, Pose
-from teamslam.geometry.resection import mirrored
+from teamslam.frontend.tags.mirrored import TURNED, cost_of, others_of, settled_alone, stands
+from teamslam.geometry import BoolArray, IntArray
 from teamslam.model import Kind, Table, Values, among
 
 NONE = np.zeros(0, np.int64)
@@ -69,25 +67,13 @@ def _turned(values: Values, rows: Sequence[Table], tag: np.int64) -> list[Values
     """The tag at its other optima by some of its sightings, with these sightings' poses."""
     near, key = values.only(np.unique(np.concatenate([table.keys.ravel() for table in rows]))), np.array([tag])
     found, known = list[Values](), [values.poses_of(key, 3)]
-    for pose in (other for table in rows for other in _others(values, table)):
+    for pose in (other for table in rows for other in others_of(values, table)):
         other = settled_alone(near.update(Values.of({Kind.POSE3: (key, pose)})), rows, tag)
         here = other.poses_of(key, 3)
         if all(np.linalg.norm(here.minus(pose)[..., 3:]) > TURNED for pose in known):
             known.append(here)
             found.append(other)
     return found
-
-
-def _others(values: Values, table: Table) -> Iterator[Pose]:
-    """What the sightings of a tag agree on that is turned against how it stands, and that leaned the other way, as the
-    sighting in the middle has it."""
-    eyes, known = (values.poses_of(keys, 3) for keys in table.keys.T)
-    _, some, pose = voted_but(table, eyes, known, TURNED)
-    if some.all():
-        yield pose
-    eye = eyes[[len(table) // 2]]
-    eye = eye if table.sensor is None else eye @ table.sensor.lift(3)[None]
-    yield eye @ mirrored(eye.inverse() @ known[:1])
 
 
 def _parts(ends: Sequence[IntArray], tag: int, n: int) -> IntArray:

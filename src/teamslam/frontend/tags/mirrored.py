@@ -7,13 +7,14 @@ does: of two poses of a tag that was seen often and from afar it would cost more
 each is brought to its own optimum first, all else held.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.frontend.tags.whole_poses import voted_but
-from teamslam.geometry import BoolArray
+from teamslam.geometry import BoolArray, Pose
+from teamslam.geometry.resection import mirrored
 from teamslam.model import Kind, Table, Values, among, is_landmark
 from teamslam.solver import Options, System, optimise
 
@@ -49,6 +50,18 @@ def turned(values: Values, tables: Sequence[Table]) -> Values | None:
         if cost_of(best, rows) < cost:
             found = found.update(best.only(np.array([key])))
     return None if found is values else found
+
+
+def others_of(values: Values, table: Table) -> Iterator[Pose]:
+    """What the sightings of a tag agree on that is turned against how it stands, and that leaned the other way, as the
+    sighting in the middle has it."""
+    eyes, known = (values.poses_of(keys, 3) for keys in table.keys.T)
+    _, some, pose = voted_but(table, eyes, known, TURNED)
+    if some.all():
+        yield pose
+    eye = eyes[[len(table) // 2]]
+    eye = eye if table.sensor is None else eye @ table.sensor.lift(3)[None]
+    yield eye @ mirrored(eye.inverse() @ known[:1])
 
 
 def settled_alone(values: Values, rows: Sequence[Table], key: np.int64) -> Values:

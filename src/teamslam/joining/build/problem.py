@@ -15,6 +15,7 @@ import numpy as np
 from teamslam.errors import ModelError, SolveError
 from teamslam.frontend.tags.hinges import swung
 from teamslam.frontend.tags.mirrored import turned
+from teamslam.frontend.tags.yielded import turned_with_its_eyes
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.dead_reckoning import own_chain
@@ -108,10 +109,12 @@ class Problem:
             return []
 
     def upright(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
-        """The optimum with no tag left the wrong way round (see `mirrored`), and no part that hangs on one (see
-        `hinges`): itself, where none is."""
+        """The optimum with no tag left the wrong way round (see `mirrored` and `yielded`), and no part that hangs on
+        one (see `hinges`): itself, where none is."""
         for _ in range(TURNS):
             other = turned(optimum.values, self.system.tables)
+            if other is None:
+                other = turned_with_its_eyes(optimum.values, self.system.tables, self.base)
             found = None if other is None else self._lower(optimum, other, options, progress)
             if found is None:
                 break
