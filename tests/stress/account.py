@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from stress.claims import BEYOND, WEAK_PLACE, at_odds, is_true, turns_in_the_world, weak
+from stress.claims import BEYOND, WEAK_PLACE, at_odds, is_true, moves_in_the_world, weak
 from stress.drive import Outcome
 from stress.failure import Findings
 from stress.maps import rows_of
-from stress.oracle import Oracle, TooLarge, spoken_of
-from stress.places import fits_there
+from stress.oracle import Oracle, TooLarge, jacobian, spoken_of
+from stress.places import fits_there, rays_meet
 from teamslam.geometry import Array
+from teamslam.joining import Component
 from teamslam.model import WORLD, Dataset, LeftOut, Table, is_pose, robot_of
 
 IN_LINE = 0.2  # of their spread along it: places so near a line that ranges from them may leave the side open
@@ -59,7 +60,7 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
     """Nobody in a map saw it; or whoever did leaves it open, or on either side."""
     (key,) = (int(k) for k in lost.keys)
     seers = [int(k) for k in spoken_of(rows) if is_pose(int(k))]
-    mapped = {int(k) for c in outcome.components for k in c.map.keys}
+    mapped: set[int] = set().union(*(_keys_in(c) for c in outcome.components))
     what = "left out: a landmark that its rows leave open"
     if "went with what is left out" in lost.reason:
         findings.check("left out: a landmark whose rows went elsewhere", not rows, lost)
@@ -70,8 +71,15 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
     elif "on which side of the sensor nearest" in lost.reason:
         near = any(_nearer_than_known(oracle, seer, key) for seer in seers)
         findings.check("left out: a landmark nearer to a sensor than it is known", near, f"{lost.what}: {lost.reason}")
-    elif "free to turn in the world" in lost.reason:
+    elif "free to shift or turn in the world" in lost.reason:
         findings.check("left out: a landmark of a world that maps are free to turn in", _free(outcome, oracle), lost)
+    elif "no place fits these rays" in lost.reason:
+        by = [c.map for c in outcome.components if not _keys_in(c).isdisjoint(seers)]
+        skew = bool(by) and not any(rays_meet(whole, key, rows) for whole in by)
+        findings.check("left out: a landmark whose rays do not meet", skew, f"{lost.what}: {lost.reason}")
+    elif "maps, in each of which" in lost.reason:
+        open_ = all(_open_in(c, key, rows, outcome) for c in outcome.components)
+        findings.check(what + " in each map", open_, f"{lost.what}: {lost.reason}")
     elif not seers:  # surveyed alone
         findings.check(what, weak_alone(oracle, key), lost.reason)
     else:
@@ -79,12 +87,25 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
         findings.check(what, open_, f"{lost.what}: {lost.reason}")
 
 
+def _keys_in(component: Component) -> set[int]:
+    return set(component.map.keys.tolist())
+
+
+def _open_in(component: Component, key: int, rows: list[Table], outcome: Outcome) -> bool:
+    """Whether a landmark is open, or on either side, by what one map's rows and its own from there tell."""
+    inside = list(_keys_in(component))
+    own = [t.select(np.isin(t.keys[:, 0], inside)) for t in rows]
+    seers = [int(k) for k in spoken_of(own) if is_pose(int(k))]
+    oracle = Oracle(outcome.log.with_tables([*rows_of(component.map, outcome.log), *(t for t in own if len(t))]))
+    return all(weak(oracle, seer, key) for seer in seers) or _in_line(oracle, seers, own)
+
+
 def _free(outcome: Outcome, oracle: Oracle) -> bool:
-    """Whether each map is written in a robot's frame, and free to turn in the world."""
+    """Whether each map is written in a robot's frame, and free to shift or turn in the world."""
     poses = (np.min(m.keys[is_pose(m.keys) & (robot_of(m.keys) > 0)]) for m in (c.map for c in outcome.components))
     if any(c.map.base == WORLD for c in outcome.components):
         return False
-    return all(turns_in_the_world(oracle, int(pose)) for pose in poses)
+    return all(moves_in_the_world(oracle, int(pose)) for pose in poses)
 
 
 def weak_alone(oracle: Oracle, key: int) -> bool:
@@ -119,6 +140,9 @@ def _poses(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, f
     for key in lost.keys.tolist():
         tables = [t.select((t.keys == key).any(1)) for t in outcome.log.tables]
         around = [int(k) for k in spoken_of(tables) if k != key and int(k) in mapped]
+        if "no place was found" in lost.reason:
+            findings.check("left out: poses whose sightings fix a place", fixes_a_place(outcome.log, key), lost.reason)
+            continue
         if "no odometry leads there" in lost.reason:  # seen from where others saw what was seen from there
             rows_on = [t.select(np.isin(t.keys, around).any(1)) for t in outcome.log.tables]
             around = [int(k) for k in spoken_of(rows_on) if is_pose(int(k)) and int(k) in mapped][:1]
@@ -127,6 +151,15 @@ def _poses(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, f
             whole = [t for t in tables if t.model == "relative_pose" and len(t)]
             open_ |= all(t.loss.name != "squared" and t.robot != robot_of(np.int64(key)) for t in whole)
         findings.check("left out: poses that rows leave open", open_, f"{lost.what}: {lost.reason}")
+
+
+def fixes_a_place(log: Dataset, pose: int) -> bool:
+    """Whether what was seen from a pose leaves it nowhere to go where what it sees stands still: by the Jacobian of its
+    rows, the pose alone moved."""
+    oracle = Oracle(log.with_tables(t.select((t.keys == pose).any(1)) for t in log.tables))
+    own = oracle.truth.layout.unknowns(np.array([pose]))
+    moved = jacobian(oracle.tables, oracle.truth)[:, own]
+    return bool(np.linalg.matrix_rank(moved, tol=1e-6) == len(own))
 
 
 def _observer(one: int, key: int) -> tuple[int, int]:
@@ -144,7 +177,7 @@ def _loose_rows(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Orac
             poses = poses[is_pose(poses) & (robot_of(poses) > 0)]
             if np.isin(keys, component.map.all_values.layout.keys).any():
                 own = Oracle(outcome.log.with_tables([*rows_of(component.map, outcome.log), *rows]))
-                free = component.map.base != WORLD and turns_in_the_world(own, int(poses[0]))
+                free = component.map.base != WORLD and moves_in_the_world(own, int(poses[0]))
                 findings.check("left out: rows of a world that a map is free to turn in", free, lost)
         return
     if lost.reason.endswith("the log is cut there"):

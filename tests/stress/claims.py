@@ -211,6 +211,14 @@ def turns_in_the_world(oracle: Oracle, pose: int) -> bool:
     return bool(oracle.freedom(relation) or (oracle.sigmas(relation) > WEAK_TURN).any())
 
 
+def moves_in_the_world(oracle: Oracle, pose: int) -> bool:
+    """Whether it is free to turn there, or to shift."""
+    unknowns = oracle.truth.layout.unknowns(np.array([pose]))
+    shift = np.zeros((len(unknowns), oracle.truth.layout.dof))
+    shift[np.arange(len(unknowns)), unknowns] = 1.0
+    return turns_in_the_world(oracle, pose) or bool(oracle.freedom(shift))
+
+
 def _no_link(saying: Saying) -> bool:
     """It stands in no error of a run: a log is cut where its odometry is broken."""
     return False

@@ -1,12 +1,13 @@
-"""Landmarks that are said to fit at two places: SciPy looks for the other one, with all poses where they are."""
+"""Landmarks that are said to fit at two places, or at none: SciPy looks for them, with all poses where they are."""
 
 import re
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import chi2
 
-from teamslam.geometry import Array, IntArray
+from teamslam.geometry import Array, IntArray, directions
 from teamslam.model import Submap, Table, Values, is_landmark, point_kind
 from teamslam.solver import Solution, System, optimise
 
@@ -81,6 +82,29 @@ def _costs(whole: Submap, name: str, there: Array, tables: Sequence[Table]) -> f
     near = minimize(cost, there, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-6, "maxiter": 4000})
     best = minimize(cost, here, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-6, "maxiter": 4000})
     return float(near.fun - best.fun) if np.linalg.norm(near.x - best.x) > 1e-3 else np.inf
+
+
+def rays_meet(whole: Submap, key: int, rows: Sequence[Table]) -> bool:
+    """Whether bearings of a landmark, from poses of a map, agree on a place as well as their sigmas have it: looked for
+    from many distances along every ray."""
+    values, dim = whole.all_values, max(t.dim for t in rows)
+    seen = [t.select(values.layout.contains(t.keys[:, 0])) for t in rows]
+    seen = [t for t in seen if len(t)]
+
+    def cost(place: Array) -> float:
+        at = values.update(Values.of({point_kind(dim): (np.array([key]), place[None])}))
+        return sum(float((t.whitened(at) ** 2).sum()) for t in seen)
+
+    found = np.inf
+    for table in seen:
+        bodies = values.poses_of(table.keys[:, 0], dim)
+        eyes = bodies if table.sensor is None else bodies @ table.sensor.lift(dim)
+        rays = (eyes.rotation @ directions(dim).ray(table.values)[..., None])[..., 0]
+        for eye, ray in zip(eyes.translation, rays, strict=True):
+            starts = [eye + away * ray for away in np.geomspace(0.01, 1000.0, 11)]
+            best = min(starts, key=cost)
+            found = min(found, float(minimize(cost, best, method="Nelder-Mead", options={"maxiter": 4000}).fun))
+    return found <= chi2.ppf(0.999, max(sum(t.dof for t in seen) - dim, 1))
 
 
 def _mirrored(whole: Submap, name: str, side: float, tables: Sequence[Table]) -> bool:

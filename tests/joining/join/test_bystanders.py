@@ -1,11 +1,13 @@
 """A robot without odometry has poses where it saw something; those that saw one landmark alone make no maps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import teamslam as ts
 from teamslam.config import Config, JoinOptions
-from teamslam.model import Dataset, is_landmark, is_pose, robot_of
+from teamslam.model import Dataset, Table, is_landmark, is_pose, robot_of
 from worlds import team
 
 METHODS = [
@@ -43,3 +45,22 @@ def test_poses_that_saw_one_landmark_are_told_of_in_one_line(config: Config, see
     out = np.concatenate([np.zeros(0, np.int64), *(lost.keys for lost in joined.left_out)])
     held = np.concatenate([c.map.keys for c in joined.components])
     assert np.isin(log.layout.keys, np.concatenate([out, held])).all()
+
+
+def test_a_pose_whose_sightings_fix_its_place_is_not_said_to_be_open() -> None:
+    """Three landmarks seen whole hold a pose; where one of them was taken for another, it has no place all the same."""
+    log = team("2d", robots=1, poses=8, seed=1, landmarks=4, sees=1.0, model="point", sigma=1e-3, sigma_odometry=1e-3)
+    last = int(log.pose_keys[1][-1])
+    gone = log.with_tables(t.select((t.keys != last).all(1)) if t.source == "odometry" else t for t in log.tables)
+    swapped = gone.with_tables(_misnamed(t, last) if t.source == "landmarks" else t for t in gone.tables)
+    assert not ts.run(gone).joined.left_out
+    (lost,) = ts.run(swapped).joined.left_out
+    assert (lost.kind, lost.keys.tolist()) == ("poses", [last])
+    assert "no place was found" in lost.reason and "is open" not in lost.reason
+
+
+def _misnamed(table: Table, pose: int) -> Table:
+    """The sightings of one pose, each of the landmark that is next on the list."""
+    keys, mine = table.keys.copy(), table.keys[:, 0] == pose
+    keys[mine, 1] = np.roll(keys[mine, 1], 1)
+    return replace(table, keys=keys)

@@ -65,7 +65,7 @@ def test_one_position_leaves_the_map_in_its_first_poses_frame(world: str, config
     assert found.costs == without.costs
     (lost,) = found.joined.left_out
     assert (lost.kind, lost.count, lost.what) == ("rows", 1, "world of robot 1")
-    assert "free to turn in the world" in lost.reason
+    assert "free to shift or turn in the world" in lost.reason
 
 
 @pytest.mark.parametrize("world", WORLDS)

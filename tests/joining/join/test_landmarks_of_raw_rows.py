@@ -53,7 +53,7 @@ def test_what_was_surveyed_waits_for_a_map_that_is_free_to_turn() -> None:
     joined = accounted(log, join([build(p) for p in split(log)]))
     assert joined.map.base != WORLD and joined.converged
     (lost,) = (one for one in joined.left_out if one.kind == "landmark")
-    assert lost.keys.tolist() == LONELY.tolist() and "free to turn in the world" in lost.reason
+    assert lost.keys.tolist() == LONELY.tolist() and "free to shift or turn in the world" in lost.reason
 
 
 @pytest.mark.parametrize("world", WORLDS)

@@ -1,12 +1,14 @@
 """Why a landmark is in no map, on planted causes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from teamslam.geometry import Pose, directions
-from teamslam.joining.join.why_open import FAILS, PARALLEL, why_open
-from teamslam.model import Sources, Submap, Table, Values, landmark_key, pose_key
+from teamslam.joining.join.why_open import FAILS, IN_PLANE, PARALLEL, SKEW, why_open
+from teamslam.model import Sources, Submap, Table, Values, index_of, landmark_key, pose_key
 from teamslam.model.layout import Kind
 
 MARK = np.array([2.0, 1.0, 0.5])
@@ -39,3 +41,32 @@ def test_rays_from_places_that_are_no_farther_apart_than_they_are_known_leave_th
 def test_rays_from_far_apart_are_no_reason() -> None:
     seen, whole = turned_on_the_spot(1.0, 0)
     assert FAILS in why_open(int(landmark_key(4)), [seen], [whole])
+
+
+def test_rays_at_an_angle_that_pass_each_other_are_not_said_to_be_parallel() -> None:
+    """One that is wrong by half a radian fits no place with the others, whatever its geometry leaves open."""
+    seen, whole = turned_on_the_spot(1.0, 0)
+    wrong = seen.values.copy()
+    wrong[2:] = directions(3).plus(wrong[2:], np.array([[0.0, 0.5]]))
+    assert SKEW in why_open(int(landmark_key(4)), [replace(seen, values=wrong)], [whole])
+
+
+def test_of_maps_that_stand_apart_each_is_told_by_itself() -> None:
+    """Two robots on two lines: together their ranges would tell, but nobody knows how the lines lie to each other."""
+    (seen, whole), key = turned_on_the_spot(1.0, 0), int(landmark_key(4))
+    other = replace(whole, id="2/0", base=int(pose_key(2, 0)), values=_of_robot(whole.values, 2))
+    ranges = [_ranges(seen, robot) for robot in (1, 2)]
+    said = why_open(key, ranges, [whole, other])
+    assert said == f"6 ranges from poses of 2 maps, in each of which {IN_PLANE}"
+    assert why_open(key, ranges[:1], [whole, other]) == f"3 ranges: {IN_PLANE}"
+
+
+def _of_robot(values: Values, robot: int) -> Values:
+    keys = values.layout.keys
+    return Values.of({Kind.POSE3: (pose_key(robot, index_of(keys)), values.poses_of(keys, 3))})
+
+
+def _ranges(seen: Table, robot: int) -> Table:
+    keys = np.stack([pose_key(robot, index_of(seen.keys[:, 0])), seen.keys[:, 1]], -1)
+    lengths = np.linalg.norm(MARK - np.stack([np.arange(3.0), np.zeros(3), np.zeros(3)], -1), axis=-1)[:, None]
+    return Table(robot, "landmarks", "range", 3, keys, lengths, np.eye(1)[None] / SIGMA, np.arange(3))

@@ -2,6 +2,7 @@
 
 A robot without odometry has poses just where it saw or was seen. Where one of them saw a landmark alone, that is a map
 of its own by the letter, but nothing in it is news: the landmark is in another map, and where the pose is, is open.
+Where what it saw does fix a place, and none was found, that is said instead.
 """
 
 from collections.abc import Sequence
@@ -11,9 +12,14 @@ import numpy as np
 
 from teamslam.geometry import IntArray
 from teamslam.joining.join.join import Joined
+from teamslam.joining.place.reasons import NO_PLACE
 from teamslam.model import Submap, is_landmark, is_pose, robot_of
 
 ABOUT = "no odometry leads there, and all that was seen from there is placed by others: where about it that was is open"
+NOWHERE = (
+    "no odometry leads there, and no place was found from where all that was seen from there is where others have it;"
+    " look for landmarks that were taken for others, or for a map that is bent"
+)
 EACH = "each is alone: "
 
 
@@ -27,17 +33,22 @@ class Bystander:
 
 def without_bystanders(joined: Joined) -> tuple[Joined, list[Bystander]]:
     """The join without maps of one pose that saw nothing but landmarks which a map of more poses holds, and these poses
-    robot by robot. Law: no landmark and no pose of a map of several poses is lost with them."""
+    robot by robot, those that are open and those for which no place was found. Law: no landmark and no pose of a map of
+    several poses is lost with them."""
     maps = [component.map for component in joined.components]
     placed = np.concatenate([np.zeros(0, np.int64), *(_landmarks(m) for m in maps if len(_poses(m)) > 1)])
     stood_by = [len(_poses(m)) == 1 and bool(np.isin(_landmarks(m), placed).all()) and bool(m.dof) for m in maps]
-    poses = np.concatenate([np.zeros(0, np.int64), *(_poses(m) for m, by in zip(maps, stood_by, strict=True) if by)])
-    found = [_bystander(poses[robot_of(poses) == robot]) for robot in np.unique(robot_of(poses)).tolist()]
+    poses: dict[str, list[IntArray]] = {}
+    for whole, by, why in zip(maps, stood_by, ("", *joined.reasons), strict=True):
+        if by:
+            poses.setdefault(NOWHERE if NO_PLACE in why else ABOUT, []).append(_poses(whole))
+    found = [each for why, of in poses.items() for each in _by_robot(np.concatenate(of), why)]
     return of_these(joined, [not by for by in stood_by]), found
 
 
-def _bystander(poses: IntArray) -> Bystander:
-    return Bystander(poses, ABOUT if len(poses) == 1 else EACH + ABOUT)
+def _by_robot(poses: IntArray, why: str) -> list[Bystander]:
+    own = [poses[robot_of(poses) == robot] for robot in np.unique(robot_of(poses)).tolist()]
+    return [Bystander(of, why if len(of) == 1 else EACH + why) for of in own]
 
 
 def _poses(map: Submap) -> IntArray:

@@ -1,10 +1,12 @@
 """Why no map holds a landmark, in words: what there is of its sightings, and what their geometry leaves open.
 
 rays     nearly parallel where the places they come from are no farther apart than they blur, or than these places are
-         known: its distance is open
+         known: its distance is open; at an angle, and yet no place is near to all: they, or the poses, are wrong
 ranges   from nearly one line (in space: one plane): its side is open; from all around, and yet nothing tells on
          which side of the nearest sensor it is: they are blunt
 held     where the map's poses and its own rows put it, and still no solve ends with it
+
+Poses of maps that stand apart tell each by themselves: what is said is then said of each.
 """
 
 from collections import Counter
@@ -12,14 +14,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from teamslam.geometry import Array, IntArray
-from teamslam.joining.start.triangulate import triangulate
-from teamslam.model import WORLD, Submap, Table
+from teamslam.geometry import Array, IntArray, directions
+from teamslam.joining.start.triangulate import Bundle, kinds_of, triangulate
+from teamslam.model import SQUARED, WORLD, Kind, Submap, Table, chi2_quantile
 from teamslam.solver import Covariances
 
 WORLD_OPEN = (
-    "they leave the map free to turn in the world, so it is written in the frame of its first pose; two positions apart"
-    " (in space three not in line), or one measured pose, would hold it"
+    "they leave the map free to shift or turn in the world, so it is written in the frame of its first pose; two whole"
+    " positions apart (in space three not in line), or one measured pose, would hold it"
 )
 FAILS = (
     "they fix it, but solving for it together with the map fails; look for rows that contradict each other, or whose"
@@ -28,10 +30,14 @@ FAILS = (
 PARALLEL = "rays that are nearly parallel leave its distance open; sightings from the side would tell"
 IN_LINE = "ranges from nearly one place or line leave its side open; ranges from elsewhere would tell"
 IN_PLANE = "ranges from nearly one place, line or plane leave its side open; ranges from elsewhere would tell"
+LOOSE = "how the poses that saw it lie to each other is known too badly to tell where it is"
+SKEW = "at the poses of the map no place fits these rays; look for bearings that are wrong, or for poses that are"
 BLUNT = (
     "they leave open on which side of the sensor nearest to it it is; sharper ranges, or from farther away, would tell"
 )
+NARROW = 0.2  # [rad]: rays at a wider angle are nearly parallel to nobody
 LINE = 0.2  # of their spread: so near a line, or a plane, sensors are in it
+FITS = 0.999  # of the places that rays truly come from fit so well
 BLUR = 5.0  # [sigmas of a bearing, or of the places it is taken from] between two rays that are nearly parallel
 
 
@@ -54,20 +60,29 @@ def why_open(key: int, parts: Sequence[Table], maps: Sequence[Submap]) -> str:
         for values, whole in zip(placed, maps, strict=True)
         if values.layout.contains(key)
     ]
-    return f"{seen}: {_geometry(set(counts), there, [s for s in seers if len(s)], parts)}"
+    some = [whole for whole, of in zip(maps, seers, strict=True) if len(of)]
+    apart = f" from poses of {len(some)} maps, in each of which" if len(some) > 1 and not there else ":"
+    return f"{seen}{apart} {_geometry(set(counts), there, some, parts)}"
 
 
 def _geometry(
-    models: set[str], there: Sequence[tuple[Array, Submap]], seers: Sequence[Array], parts: Sequence[Table]
+    models: set[str], there: Sequence[tuple[Array, Submap]], some: Sequence[Submap], parts: Sequence[Table]
 ) -> str:
-    """What leaves it open: by where it would be in each map, and from where it was seen."""
-    if models == {"bearing"} and all(_are_parallel(place, whole, parts) for place, whole in there):
-        return PARALLEL
+    """What leaves it open: by where it would be in each map, and from where in `some` it was seen."""
+    dim = max(part.dim for part in parts)
+    if models == {"bearing"} and all(part.dim == dim for part in parts) and some:
+        blurred = bool(there) and all(_are_blurred(place, whole, parts) for place, whole in there)
+        if all(_apart(whole, parts) <= (NARROW if blurred else 0.0) for whole in some):
+            return PARALLEL
+        if not any(_meet(whole, parts) for whole in some):
+            return SKEW
+        if blurred:
+            return LOOSE
     if there:
         return FAILS
     if models == {"range"}:
-        dim = max(part.dim for part in parts)
-        return (IN_LINE if dim == 2 else IN_PLANE) if all(_are_in_line(places, dim) for places in seers) else BLUNT
+        in_line = all(_are_in_line(_seers(whole, parts), dim) for whole in some)
+        return (IN_LINE if dim == 2 else IN_PLANE) if in_line else BLUNT
     return "they leave it open"
 
 
@@ -83,8 +98,9 @@ def _who(whole: Submap, parts: Sequence[Table]) -> IntArray:
     return named[whole.all_values.layout.contains(named)]
 
 
-def _are_parallel(place: Array, whole: Submap, parts: Sequence[Table]) -> bool:
-    """Whether the rays that meet there are hardly at an angle: those two that are farthest apart."""
+def _are_blurred(place: Array, whole: Submap, parts: Sequence[Table]) -> bool:
+    """Whether those two of the rays that meet there that are farthest apart are so by no more than they, or the places
+    that they come from, blur."""
     seers, values = _who(whole, parts), whole.all_values
     if not len(seers):
         return True
@@ -98,8 +114,40 @@ def _are_parallel(place: Array, whole: Submap, parts: Sequence[Table]) -> bool:
         return True
     between = Covariances.of_map(whole).relative(values, int(seers[one]), int(seers[other]))
     known = np.sqrt(np.linalg.eigvalsh(between[: whole.base_dim, : whole.base_dim])[-1]) / away[[one, other]].min()
-    sharpest = max(float(np.abs(part.whitening).max(initial=0.0)) for part in parts)
-    return bool(0.5 * apart[other] <= BLUR * max(1.0 / max(sharpest, 1e-300), known))
+    return bool(0.5 * apart[other] <= BLUR * max(_blur(parts), known))
+
+
+def _blur(parts: Sequence[Table]) -> float:
+    """The least sigma of a bearing."""
+    return 1.0 / max(1e-300, *(float(np.abs(part.whitening).max(initial=0.0)) for part in parts))
+
+
+def _apart(whole: Submap, parts: Sequence[Table]) -> float:
+    """The widest angle [rad] between two rays, as measured at a map's poses; 0 where it is no more than they blur."""
+    rays = []
+    for part in _from(whole, parts):
+        eyes = whole.all_values.poses_of(part.keys[:, 0], part.dim)
+        eyes = eyes if part.sensor is None else eyes @ part.sensor
+        rays.append((eyes.rotation @ directions(part.dim).ray(part.values)[..., None])[..., 0])
+    every = np.concatenate(rays)
+    apart = max(float(np.linalg.norm(every - ray, axis=-1).max()) for ray in every)
+    return apart if 0.5 * apart > BLUR * _blur(parts) else 0.0
+
+
+def _meet(whole: Submap, parts: Sequence[Table]) -> bool:
+    """Whether some place fits all rays from a map's poses as well as their sigmas have it."""
+    rays = [part.with_loss(SQUARED) for part in _from(whole, parts)]
+    layout = kinds_of(rays)
+    bundle = Bundle.of(rays, whole.all_values, layout.keys, Kind(int(layout.kinds[0])).dim)
+    _, costs, _ = bundle.refined(bundle.proposals())
+    spare = sum(part.dof for part in rays) - bundle.dim
+    return bool(np.nanmin(costs, initial=np.inf) <= chi2_quantile(FITS, max(spare, 1)))
+
+
+def _from(whole: Submap, parts: Sequence[Table]) -> list[Table]:
+    """The sightings from poses of a map."""
+    own = [part.select(whole.all_values.layout.contains(part.keys[:, 0])) for part in parts if not part.row.unary]
+    return [part for part in own if len(part)]
 
 
 def _are_in_line(seers: Array, dim: int) -> bool:

@@ -20,6 +20,7 @@ from teamslam.joining.place.ties import Tied
 from teamslam.model import WORLD, Submap, is_landmark, robot_of
 
 LOOSE = 0.5  # [rad], and of the distance: a frame that is held less firmly is free
+NO_PLACE = "no place was found"
 MEANT = 0.5 * np.pi  # [rad], and of the distance: up to here a sigma is a sigma
 WORDS = {
     "range_bearing": ("range and bearing", "ranges and bearings"),
@@ -93,7 +94,7 @@ def why_apart(submap: Submap, tied: Tied, free: int, held: Held | None) -> str:
         return f"{tied_by}, which at these sigmas hold their frame but loosely ({known}): under-constrained; {cure}"
     suspects = f"wrong {' or '.join(_noun(m, 2) for m in rows)}" if rows else "landmarks that were taken for others"
     return (
-        f"{tied_by}, which could hold their frame, but no place was found where they fit and do; sightings "
+        f"{tied_by}, which could hold their frame, but {NO_PLACE} where they fit and do; sightings "
         f"from other sides and farther apart would tell; else look for {suspects}, for odometry that is worse than it "
         f"says, or for a submap whose own measurements fit another map as well"
     )
