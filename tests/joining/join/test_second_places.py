@@ -7,7 +7,7 @@ import pytest
 
 from teamslam.geometry import Pose
 from teamslam.joining import accounted, build, full, join, split
-from teamslam.model import Dataset, Table, landmark_key, pack, pose_key
+from teamslam.model import WORLD, Dataset, Table, landmark_key, pack, pose_key
 
 SIGMA = 0.05
 
@@ -72,3 +72,26 @@ def test_a_drive_round_what_it_sees_says_nothing() -> None:
     way = Pose.from_xytheta(np.stack([4.0 * np.cos(angles), 4.0 * np.sin(angles), angles + np.pi / 2], 1))
     log = drive(way, np.array([[1.0, -0.5], [-1.0, 0.5]]), np.random.default_rng(3))
     assert not accounted(log, join([build(piece) for piece in split(log)])).remarks
+
+
+@pytest.mark.parametrize(("sigma", "told"), [(0.1, 0), (2.0, 1), (100.0, 1)])
+def test_a_landmark_that_was_surveyed_fits_elsewhere_for_what_the_survey_lets_it(sigma: float, told: int) -> None:
+    """A straight drive in the world: its mirror six metres off is sixty, three or no sigmas of the survey away."""
+    way = Pose.from_xytheta(np.stack([np.linspace(0.0, 6.0, 9), np.zeros(9), np.zeros(9)], 1))
+    log = drive(way, np.array([[1.0, 3.0]]), np.random.default_rng(3))
+    keys = [pose_key(1, np.arange(9)), landmark_key(np.arange(1))]
+    rows = [
+        Table(1, source, "position", 2, key[:, None], place, np.eye(2)[None] / by, np.arange(len(key)))
+        for source, key, place, by in (
+            ("fixes", keys[0], way.translation, SIGMA),
+            ("survey", keys[1], np.array([[1.0, 3.0]]), sigma),
+        )
+    ]
+    log = log.with_tables([*log.tables, *rows])
+    joined = accounted(log, join([build(piece) for piece in split(log)]))
+    assert joined.map.base == WORLD
+    found = joined.components[0].second_places
+    assert len(found) == len(joined.remarks) == told
+    for sentence in joined.remarks:
+        more = float(re.search(r"at most (\S+) more", sentence + " at most 0 more")[1])
+        assert more == pytest.approx((6.0 / sigma) ** 2, abs=1.5)
