@@ -77,6 +77,12 @@ def _landmark(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle
         by = [c.map for c in outcome.components if not _keys_in(c).isdisjoint(seers)]
         skew = bool(by) and not any(rays_meet(whole, key, rows) for whole in by)
         findings.check("left out: a landmark whose rays do not meet", skew, f"{lost.what}: {lost.reason}")
+    elif "how the poses that saw it lie to each other" in lost.reason:
+        pairs = [(one, other) for one in seers for other in [*seers, key] if one != other]
+        loose = any(weak(oracle, *pair) for pair in pairs)
+        findings.check(
+            "left out: a landmark that was seen from poses known badly", loose, f"{lost.what}: {lost.reason}"
+        )
     elif "maps, in each of which" in lost.reason:
         open_ = all(_open_in(c, key, rows, outcome) for c in outcome.components)
         findings.check(what + " in each map", open_, f"{lost.what}: {lost.reason}")

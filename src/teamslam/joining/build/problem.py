@@ -18,6 +18,7 @@ from teamslam.frontend.tags.mirrored import turned
 from teamslam.frontend.tags.yielded import turned_with_its_eyes
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
+from teamslam.joining.start.adrift import adrift
 from teamslam.joining.start.dead_reckoning import own_chain
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
@@ -142,6 +143,8 @@ class Problem:
         """Landmarks that fit at two places, or that nothing holds where they came to lie: which place is right the team
         may know, so their sightings travel raw. One that fits elsewhere only if poses give way is tried there."""
         found: list[IntArray] = [np.zeros(0, np.int64)]
+        if not optimum.converged:
+            found.append(adrift(optimum.values, self.system.tables))
         for two in twofold(optimum.values, self.system.tables):
             lies_open = two.open | (two.more < RULED_OUT) & ~two.by_nature
             found.append(two.keys[lies_open])

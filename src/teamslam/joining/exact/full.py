@@ -22,6 +22,7 @@ from teamslam.joining.join.account import Unbuilt, accounted
 from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
 from teamslam.joining.join.optimum import in_the_way, less
+from teamslam.joining.start.adrift import adrift
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import A_LOG, WORLD, Dataset, Sources, Submap, Table, Values, expect, is_landmark
 from teamslam.solver import Options, Solution, Step, System, reach
@@ -134,6 +135,10 @@ def _solved(
             continue
         if without is not None:
             return found if found[0].converged else without
+        gone = NOBODY if found[0].converged else np.setdiff1d(adrift(found[0].values, tables), loose)
+        if len(gone):
+            start, loose = less(start, gone), np.append(loose, gone)
+            continue
         if not len(loose):
             return found
         without, start = found, _placed_again(found[0].values, dataset.tables, loose)

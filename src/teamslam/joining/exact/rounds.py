@@ -37,6 +37,7 @@ from teamslam.joining.exact.robot import Part, parts_of
 from teamslam.joining.join.double_counting import refuse_double_counting
 from teamslam.joining.join.join import Component, Exactness, Joined, in_order, join
 from teamslam.joining.join.optimum import in_the_way, joined_map, less
+from teamslam.joining.start.adrift import adrift
 from teamslam.model import WORLD, Dataset, Submap, Table, Values
 from teamslam.solver import Options, Solution, Status, Step, System, reach
 from teamslam.solver.optimise import DEFAULTS
@@ -95,10 +96,16 @@ def _rounds(
     while True:
         parts, raw = parts_of(members, point_of(joined).layout, world=joined.base == WORLD)
         try:
-            return _Team(parts, raw, joined).run(component, gap, max_rounds, options, progress)
+            found = _Team(parts, raw, joined).run(component, gap, max_rounds, options, progress)
+            if found.solution is None or found.solution.converged:
+                return found
+            gone = np.setdiff1d(adrift(found.map.all_values, raw), held)
+            if not len(gone):
+                return found
         except SolveError as error:
-            left = less(joined.values, in_the_way(joined.values, error, held, raw))
-            joined = replace(joined, values=left, information=sp.csr_array(joined.information_of(left.layout.keys)))
+            gone = in_the_way(joined.values, error, held, raw)
+        left = less(joined.values, gone)
+        joined = replace(joined, values=left, information=sp.csr_array(joined.information_of(left.layout.keys)))
 
 
 class _Team:

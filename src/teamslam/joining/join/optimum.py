@@ -16,9 +16,12 @@ from teamslam.joining.join.homes import homes
 from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
+from teamslam.joining.start.adrift import adrift
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
 from teamslam.solver import Options, Solution, Status, Step, SubmapTerm, System, convex_start, reach
+
+NOBODY = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +73,10 @@ class Optimum:
                 continue
             if without is not None:
                 return found if found.shared.converged else without
+            gone = np.setdiff1d(adrift(found.shared.values, used), stack.keys) if found.stopped else NOBODY
+            if len(gone):
+                start, loose = less(start, gone), np.append(loose, gone)
+                continue
             start = less(triangulate(found.shared.values, raw), loose)
             if len(start) == len(anchored):
                 if not len(loose):
@@ -144,16 +151,17 @@ class Optimum:
 
 def in_the_way(values: Values, error: SolveError, held: IntArray, tables: Iterable[Table]) -> IntArray:
     """The landmarks, none of them among `held`, without which there may be a solution, so that they cost nobody else
-    anything: the one that turned out to be open; of a pose that did those that `tables` tie to it, else all of them.
+    anything: the one that turned out to be open; of a pose that did, or a landmark that is held, those that `tables`
+    tie to it, else all of them.
 
     Raises the error again where there are none.
     """
     keys = values.layout.keys
     bare = keys[is_landmark(keys) & (keys != WORLD) & ~np.isin(keys, held)]
-    if error.key is None or not len(bare) or (is_landmark(error.key) and error.key not in bare):
+    if error.key is None or not len(bare):
         raise error
     tied = [t.keys[(t.keys == error.key).any(1)].ravel() for t in tables]
-    nearest = bare[bare == error.key] if is_landmark(error.key) else np.intersect1d(bare, np.concatenate(tied))
+    nearest = bare[bare == error.key] if error.key in bare else np.intersect1d(bare, np.concatenate(tied))
     return nearest if len(nearest) else bare
 
 

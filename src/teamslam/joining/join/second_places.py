@@ -4,16 +4,18 @@ Where a landmark was measured in the world as well, and the map is written there
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array
-from teamslam.joining.start.twofold import RULED_OUT, SAME, Twofold, twofold
+from teamslam.joining.start.twofold import RULED_OUT, Twofold, twofold
 from teamslam.model import WORLD, Names, Submap, Table, Values
 from teamslam.solver import System, optimise
 
+SAME = 1e-6  # of the cost of a landmark, and absolutely: two places that differ by less cost the same
 NAMED = 3  # landmarks with a second place that get a sentence of their own
 
 
@@ -37,10 +39,8 @@ def _as_surveyed(two: Twofold, values: Values, tables: Sequence[Table]) -> Twofo
     seers = np.unique(np.concatenate([t.keys[:, 0] for t in rows if not t.row.unary]))
     here = values.only(np.union1d(some.keys, seers))
     there = here.update(Values.of({some.kind: (some.keys, some.others)}))
-    try:
+    with suppress(SolveError):  # else it stays where it fits by what sees it, at no less than that costs
         there = optimise(System(there.layout, tables=rows, fixed=seers), there).values
-    except SolveError:
-        pass  # it stays where it fits by what sees it, at no less than that costs
     places = there.positions(some.keys, some.kind.dim)
     own = here.positions(some.keys, some.kind.dim)
     more = _costs(rows, there, some) - _costs(rows, here, some)

@@ -11,6 +11,7 @@ Poses of maps that stand apart tell each by themselves: what is said is then sai
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +39,7 @@ BLUNT = (
 NARROW = 0.2  # [rad]: rays at a wider angle are nearly parallel to nobody
 LINE = 0.2  # of their spread: so near a line, or a plane, sensors are in it
 FITS = 0.999  # of the places that rays truly come from fit so well
+FEW, AHEAD = 8, np.geomspace(0.01, 1e4, 13)  # rays, and how far along them [m], from where a place is looked for
 BLUR = 5.0  # [sigmas of a bearing, or of the places it is taken from] between two rays that are nearly parallel
 
 
@@ -75,7 +77,7 @@ def _geometry(
         if all(_apart(whole, parts) <= (NARROW if blurred else 0.0) for whole in some):
             return PARALLEL
         if not any(_meet(whole, parts) for whole in some):
-            return SKEW
+            return LOOSE if all(_meet(whole, parts, _turned(whole, parts)) for whole in some) else SKEW
         if blurred:
             return LOOSE
     if there:
@@ -99,7 +101,7 @@ def _who(whole: Submap, parts: Sequence[Table]) -> IntArray:
 
 
 def _are_blurred(place: Array, whole: Submap, parts: Sequence[Table]) -> bool:
-    """Whether those two of the rays that meet there that are farthest apart are so by no more than they, or the places
+    """Whether those two of the rays that meet there that are farthest apart are so by no more than they, or the poses
     that they come from, blur."""
     seers, values = _who(whole, parts), whole.all_values
     if not len(seers):
@@ -113,8 +115,11 @@ def _are_blurred(place: Array, whole: Submap, parts: Sequence[Table]) -> bool:
     if one == other:
         return True
     between = Covariances.of_map(whole).relative(values, int(seers[one]), int(seers[other]))
-    known = np.sqrt(np.linalg.eigvalsh(between[: whole.base_dim, : whole.base_dim])[-1]) / away[[one, other]].min()
-    return bool(0.5 * apart[other] <= BLUR * max(_blur(parts), known))
+    dim = whole.base_dim
+    at, turn = between[:dim, :dim], between[dim:, dim:]
+    known = np.sqrt(np.linalg.eigvalsh(at)[-1]) / away[[one, other]].min()
+    turned = np.sqrt(np.linalg.eigvalsh(turn)[-1])
+    return bool(0.5 * apart[other] <= BLUR * max(_blur(parts), known, turned))
 
 
 def _blur(parts: Sequence[Table]) -> float:
@@ -124,22 +129,41 @@ def _blur(parts: Sequence[Table]) -> float:
 
 def _apart(whole: Submap, parts: Sequence[Table]) -> float:
     """The widest angle [rad] between two rays, as measured at a map's poses; 0 where it is no more than they blur."""
-    rays = []
-    for part in _from(whole, parts):
-        eyes = whole.all_values.poses_of(part.keys[:, 0], part.dim)
-        eyes = eyes if part.sensor is None else eyes @ part.sensor
-        rays.append((eyes.rotation @ directions(part.dim).ray(part.values)[..., None])[..., 0])
-    every = np.concatenate(rays)
-    apart = max(float(np.linalg.norm(every - ray, axis=-1).max()) for ray in every)
+    _, rays = _rays(whole, parts)
+    apart = max(float(np.linalg.norm(rays - ray, axis=-1).max()) for ray in rays)
     return apart if 0.5 * apart > BLUR * _blur(parts) else 0.0
 
 
-def _meet(whole: Submap, parts: Sequence[Table]) -> bool:
-    """Whether some place fits all rays from a map's poses as well as their sigmas have it."""
+def _rays(whole: Submap, parts: Sequence[Table]) -> tuple[Array, Array]:
+    """Where bearings from a map's poses begin, and along which unit vectors they go (m, d)."""
+    eyes, rays = [], []
+    for part in _from(whole, parts):
+        bodies = whole.all_values.poses_of(part.keys[:, 0], part.dim)
+        sensors = bodies if part.sensor is None else bodies @ part.sensor
+        eyes.append(sensors.translation)
+        rays.append((sensors.rotation @ directions(part.dim).ray(part.values)[..., None])[..., 0])
+    return np.concatenate(eyes), np.concatenate(rays)
+
+
+def _turned(whole: Submap, parts: Sequence[Table]) -> float:
+    """How badly [rad] it is known how the poses of a map that saw it are turned, seen from the first of them."""
+    first, *others = _who(whole, parts).tolist()
+    values, covariances, dim = whole.all_values, Covariances.of_map(whole), whole.base_dim
+    turns = [covariances.relative(values, first, other)[dim:, dim:] for other in others]
+    return float(np.sqrt(max((np.linalg.eigvalsh(turn)[-1] for turn in turns), default=0.0)))
+
+
+def _meet(whole: Submap, parts: Sequence[Table], turned: float = 0.0) -> bool:
+    """Whether some place fits all rays from a map's poses as well as their sigmas, and how the poses may be `turned`
+    [rad], have it."""
     rays = [part.with_loss(SQUARED) for part in _from(whole, parts)]
+    rays = [replace(ray, whitening=ray.whitening / np.hypot(1.0, turned / _blur([ray]))) for ray in rays]
     layout = kinds_of(rays)
     bundle = Bundle.of(rays, whole.all_values, layout.keys, Kind(int(layout.kinds[0])).dim)
-    _, costs, _ = bundle.refined(bundle.proposals())
+    eyes, along = _rays(whole, rays)
+    some = np.unique(np.linspace(0, len(eyes) - 1, min(len(eyes), FEW)).astype(int))
+    ahead = [(eyes + away * along)[some] for away in AHEAD]
+    _, costs, _ = bundle.refined(np.concatenate([*ahead, bundle.proposals()[:, 0]])[:, None])
     spare = sum(part.dof for part in rays) - bundle.dim
     return bool(np.nanmin(costs, initial=np.inf) <= chi2_quantile(FITS, max(spare, 1)))
 

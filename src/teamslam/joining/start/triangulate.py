@@ -195,6 +195,11 @@ class Bundle:
             np.minimum.at(found, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
         return found
 
+    def held_at(self, places: Array) -> BoolArray:
+        """Whether each landmark (n,) is known to a share of its least distance at these places (n, d)."""
+        _, _, information = _linearised(self.rays, places)
+        return self.holds(places, information)
+
     def holds(self, places: Array, information: Array) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance."""
         nearest = self.nearest(places)
@@ -202,7 +207,7 @@ class Bundle:
         sizes = np.linalg.eigvalsh(np.where(known, information, 0.0))
         least = sizes[:, 0] * self.unseen
         told = sizes[:, 0] > ROUNDING * sizes[:, -1]  # and not by what differences leave of nothing
-        return np.asarray(told & (least * (HELD * nearest) ** 2 > 1.0) & np.isfinite(nearest))
+        return np.asarray(told & (least * (HELD * np.where(np.isfinite(nearest), nearest, 0.0)) ** 2 > 1.0))
 
 
 def _lowest(places: Array, costs: Array) -> IntArray:
