@@ -193,3 +193,18 @@ def jumped(dataset: Dataset, robot: int, row: int, sigmas: float, seed: int = 0)
         return replace(table, values=values)
 
     return dataset.with_tables(map(off, dataset.tables))
+
+
+def mounted(dataset: Dataset, robots: tuple[int, ...], mount: Pose, *, source: str = "landmarks") -> Dataset:
+    """The sensor of some robots sits and looks elsewhere than it is stated: by the truth of a simulation."""
+    truth = dataset.truth
+    assert truth is not None
+
+    def seen_from_there(table: Table) -> Table:
+        if table.robot not in robots or table.source != source:
+            return table
+        there = replace(table, sensor=(table.sensor or Pose.identity(mount.dim)) @ mount)
+        off = table.row.minus(there.predict(truth), table.predict(truth), table.dim)
+        return replace(table, values=plus(table.model, table.values, off, table.dim))
+
+    return dataset.with_tables(map(seen_from_there, dataset.tables))

@@ -28,7 +28,8 @@ class Unknown:
     is moved only where rows contradict it, how well they must tell it to be said to confirm it, a standard deviation;
     0: it is always moved, as its prior allows.
     `clock_of`: the robot by how much whose stamps are late it is; 0: it is no clock's offset. `drift_of`: the robot
-    whose clock's drift it is, which is moved wherever the offset of that clock is; 0: it is none."""
+    whose clock's drift it is, which is moved wherever the offset of that clock is; 0: it is none.
+    `quiet`: people are told of it where it is moved alone."""
 
     of: str
     name: str
@@ -40,6 +41,7 @@ class Unknown:
     useful: float = 0.0
     clock_of: int = 0
     drift_of: int = 0
+    quiet: bool = False
 
 
 class Unknowns(Protocol):

@@ -19,6 +19,7 @@ from teamslam.trust import (
     Cause,
     Decisions,
     Suspicions,
+    Verdict,
     mended,
     mistakes,
     suspected_beside,
@@ -28,6 +29,7 @@ from teamslam.trust import (
 from teamslam.trust.calibration import Calibration, as_stated, calibrate
 from teamslam.trust.causes.cut import Cut
 from teamslam.trust.causes.jumps import jumps
+from teamslam.trust.mounts import misplaced
 from teamslam.trust.unknowns import Settled, settled, with_unknowns
 
 PLACES = ("landmark", "place", "name")  # kinds of causes by which landmarks are called otherwise
@@ -91,6 +93,18 @@ def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, 
         if dataset.unknowns is not None:
             mended = replace(mended, unknowns=Renamed(dataset.unknowns, cause.mend, mended))
         dataset = mended
+    return dataset, found
+
+
+def with_places_unknown(dataset: Dataset, log: Dataset, judged: Verdict) -> tuple[Dataset, tuple[Cause, ...]]:
+    """A log in which the places of sensors on their robots are to be estimated, where a map that does not fit, and no
+    mistake explains, shows that some sit elsewhere than stated; and which those are."""
+    if judged.mistakes or judged.level not in ("strained", "misfit"):
+        return dataset, ()
+    found = tuple(misplaced(log, judged.rows))
+    for cause in found:
+        assert cause.mend is not None
+        dataset = cause.mend(dataset)
     return dataset, found
 
 

@@ -27,7 +27,8 @@ class Result(Answers):
     and nobody measured, clocks and cameras, and what was found of it; None where there is nothing uncertain.
     `truth_late` is by how much the truth of robots was late, and was matched so. `apart` are the landmarks that were
     moved, or of which two carry one name: each is two in the map and in `dataset`; and those that one robot's sightings
-    name wrongly beyond doubt: they are called otherwise there.
+    name wrongly beyond doubt: they are called otherwise there; and sensors that sit elsewhere than stated, which
+    `unknowns` has as they were found.
     """
 
     config: Config

@@ -4,8 +4,8 @@ clocks and cameras of recordings, estimated with a map
 -> landmarks without names -> names, wrong sightings left out, what lies put right (where asked for)
 -> split -> build (Algorithm 1) -> join (Algorithm 2)      or      full least squares on the same measurements
 -> in rounds, where the join is far from that by its own account
--> steps of odometry that contradict all else left out, landmarks that were moved, as two each, names that lie beyond
-   doubt put right, and all of this again
+-> steps of odometry that contradict all else left out, landmarks that were moved, as two each, places of sensors that
+   are not as stated taken for unknown, names that lie beyond doubt put right, and all of this again
 -> what is wrong with the model of the data; where anything is, who lies, and once more with the data put right
 -> how exact the join is -> how far the map is to be believed -> covariances -> score against the truth, where known
 """
@@ -35,6 +35,7 @@ from teamslam.pipeline.mending import (
     settled_by,
     steps_cut,
     with_hidden_jumps,
+    with_places_unknown,
 )
 from teamslam.pipeline.result import Result
 from teamslam.scale import Workers
@@ -128,6 +129,8 @@ def _told(
             with suppress(SolveError):
                 return _told(dataset, in_rounds(config), clock, None, work, apart, (*added, _said(joined, at)), cut)
         again, moved = in_their_places(dataset, every)
+        if not moved and more and judged is not None:
+            again, moved = with_places_unknown(dataset, log, judged)
         if not moved and suspected is None and submaps and not config.join.exact and more:
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
             again, moved = in_their_places(dataset, lies)

@@ -20,9 +20,10 @@ def estimated_lines(report: Report) -> list[str]:
     """The sentences; where numbers are many, those of times, and one for all others."""
     found = report.get("estimated") or {}
     sentences, unknowns = found.get("sentences", []), found.get("unknowns", [])
-    if not many(report):
-        return list(sentences)
     each = list(zip(sentences, unknowns, strict=False))  # what is said of all of them comes after
+    if not many(report):
+        heard = [sentence for sentence, unknown in each if unknown["told"] or not unknown.get("quiet")]
+        return [*heard, *sentences[len(each) :]]
     others = [(sentence, unknown) for sentence, unknown in each if unknown["name"] not in TIMES]
     told = sum(unknown["told"] for _, unknown in others)
     known = f"{told} of them" if told < len(others) else "all of them"
@@ -38,7 +39,8 @@ def estimated_lines(report: Report) -> list[str]:
 def many(report: Report) -> bool:
     """Whether the numbers that are no times are more than a sentence each is worth."""
     found = report.get("estimated") or {}
-    return sum(unknown["name"] not in TIMES for unknown in found.get("unknowns", [])) > FEW and not found.get("why")
+    loud = [u for u in found.get("unknowns", []) if u["told"] or not u.get("quiet")]
+    return sum(unknown["name"] not in TIMES for unknown in loud) > FEW and not found.get("why")
 
 
 def estimated_table(report: Report) -> "Table":

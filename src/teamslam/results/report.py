@@ -24,15 +24,16 @@ Its fields:
     apart                          what landmarks are called otherwise than in the log: each with its `kind` (landmark:
                                    one that was moved, or of which two carry one name, and that is two in the map;
                                    place: what one robot has elsewhere than the others, a landmark of its own; name:
-                                   what one robot called by another's name), `sentence`, what it `explains` of the
-                                   excess, and the `robots` that saw it
+                                   what one robot called by another's name; and mount: sensors that sit or look
+                                   elsewhere than stated, of which `estimated` says where), `sentence`, what it
+                                   `explains` of the excess, and the `robots` that saw it
     calibration                    what the data showed to be wrong with their model, and what was put right before the
                                    map was made again: `sentences`; `systematic` errors, each with `value`, `sigma` and
                                    `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang
                                    together in time; `sigmas_m`, what those of landmarks and robots come from.
                                    null where it was not asked for
-    estimated                      of recordings, what they rest on and nobody measured, clocks, latencies, places of
-                                   cameras and whatever the team file calls uncertain, estimated with the map:
+    estimated                      of sensors that sit elsewhere than stated, where; of recordings, what they rest on
+                                   and nobody measured, clocks, latencies, places of cameras and whatever the team file calls uncertain, estimated with the map:
                                    `unknowns`, each `of` a robot or a camera, with its `name` and `unit`, the `stated`
                                    value and its `prior` sigma, the `value` that the map is made by and its `sigma`,
                                    whether the rows `told` it, and `windows`, what stretches of the recordings say by

@@ -19,6 +19,7 @@ DONE = {
     "landmark": "each of its places is a landmark",
     "place": "what it sees is a landmark of its own",
     "name": "these sightings are of that landmark now",
+    "mount": "it is estimated with the map, and to be stated as the `sensor` of these rows",
 }
 
 
