@@ -108,6 +108,64 @@ def test_landmarks_whose_names_are_one_number() -> None:
     assert found[0].startswith("landmarks '1' and '1.0' are one number")
 
 
+def renamed(log: Dataset, names: dict[int, str], robots: dict[int, str] | None = None) -> Dataset:
+    """The log with landmarks, and robots, that are called otherwise."""
+    return replace(log, names=Names(robots=robots or {}, landmarks=names, tick_s=log.names.tick_s))
+
+
+def apart(log: Dataset) -> tuple[Dataset, int, int]:
+    """The log without what robot 2 saw of one landmark and robot 1 of another, and which those are."""
+    a, b = log.landmark_keys[:2].tolist()
+    missed = {1: b, 2: a}
+    tables = [t.select(t.keys[:, -1] != missed[t.robot]) for t in log.tables]
+    return log.with_tables(tables), a, b
+
+
+@pytest.mark.parametrize("pair", [("Door 1", "door_1"), ("tag 07", "Tag-7"), ("lift", "LIFT ")])
+def test_landmarks_whose_names_look_alike(pair: tuple[str, str]) -> None:
+    """As two robots write one name. Of one robot that has both they are two things."""
+    whole = simulate(Options(space="2d", robots=2), 8)
+    log, a, b = apart(whole)
+    (found,) = oddities(renamed(log, {a: pair[0], b: pair[1]}))
+    assert f"'{pair[0]}' (robot 1)" in found and f"'{pair[1]}' (robot 2)" in found
+    assert not [*oddities(renamed(whole, {a: pair[0], b: pair[1]}))]
+
+
+def test_names_that_differ_in_a_number_are_no_twins() -> None:
+    """Or in a letter."""
+    log, a, b = apart(simulate(Options(space="2d", robots=2), 8))
+    for one, other in (("tag 1", "tag 10"), ("tag 100", "tag 1"), ("door", "doors"), ("A-1-2", "A-12")):
+        assert not [*oddities(renamed(log, {a: one, b: other}))]
+
+
+def test_a_robot_in_the_column_of_landmarks() -> None:
+    """It is told where to write these rows; a number that a robot and a landmark have is no such slip."""
+    log = simulate(Options(space="2d", robots=2), 8)
+    a = int(log.landmark_keys[0])
+    (found,) = oddities(renamed(log, {a: "Red"}, {1: "red", 2: "blue"}))
+    assert "landmark Red is called as robots are" in found and "`other`" in found
+    assert not [said for said in oddities(renamed(log, {a: "1"})) if "as robots are" in said]
+
+
+def test_ranges_at_the_limit_of_their_sensor() -> None:
+    """What is farther is reported as far as it sees; ranges that are counted in steps are no such slip."""
+    log = simulate(Options(space="2d", robots=2), 8)
+
+    def as_ranges(change: Callable[[Array], Array]) -> list[str]:
+        seen = [t for t in log.tables if t.source == "landmarks"]
+        far = [change(np.linalg.norm(t.values, axis=-1))[:, None] for t in seen]
+        sigma = np.full((1, 1, 1), 10.0)
+        ranged = [replace(t, model="range", values=r, whitening=sigma) for t, r in zip(seen, far, strict=True)]
+        others = [t for t in log.tables if t.source != "landmarks"]
+        return [said for said in oddities(log.with_tables([*others, *ranged])) if "to the last digit" in said]
+
+    limit = float(np.median(np.linalg.norm(log.tables[1].values, axis=-1)))
+    found = as_ranges(lambda far: np.minimum(far, limit))
+    assert len(found) == 2 and all(f"are {limit:.6g} m" in said for said in found)
+    assert not as_ranges(lambda far: far)
+    assert not as_ranges(lambda far: np.ceil(far / 0.25) * 0.25)
+
+
 def test_rows_in_two_logs() -> None:
     """A file under two names, and one robot's file given to another."""
     log = simulate(Options(space="2d", robots=2), 9)

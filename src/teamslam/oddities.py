@@ -1,6 +1,8 @@
 """Oddities of a log that look like slips of the hand, told in words before a map is made.
 
-names      landmarks `1` and `1.0`, which are one number and two landmarks
+names      landmarks `1` and `1.0`, which are one number and two landmarks; `Door 1` of one robot and `door_1` of
+           another; landmarks that are called as robots are
+limits     ranges of which many are the same to the last digit, and none is larger
 twice      rows that stand in two logs of a robot, or numbers of one robot in another's log
 truth      a truth that knows none of a robot's poses
 time       stamps of a robot that run a thousand, a million or a milliard times as fast as the others'
@@ -8,27 +10,40 @@ mistakes   signs, units, axes and clocks that do not fit between odometry and si
 """
 
 import itertools
-from collections.abc import Iterator
+import re
+import unicodedata
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from teamslam.geometry import AnyArray
-from teamslam.model import Dataset, Table, index_of, is_landmark, is_pose, robot_of
+from teamslam.model import WORLD, Dataset, Table, index_of, is_landmark, is_pose, is_unnamed, robot_of
+from teamslam.trust.cause import rows_called
 from teamslam.trust.causes.told import looks_like
 
 COPIED = 0.5  # of the rows of a log that another robot's holds too
 FEWEST = 5
 PARTS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}  # of a second
+SEEN = 20  # sightings of a sensor that is looked at for its limit
+AT_LIMIT, OFTEN = 0.05, 3.0  # of its ranges that are the largest, and beside how often another is met
 ALIKE = 3.0  # times as long or as short, for stamps to be taken for those of one team
 
 
 def oddities(dataset: Dataset) -> Iterator[str]:
     """What looks like a slip of the hand, a sentence each."""
-    yield from _twin_names(dataset)
+    yield from plain_oddities(dataset)
     yield from _in_two_logs(dataset)
     yield from _out_of_truth(dataset)
     yield from _in_other_seconds(dataset)
     yield from (f"it looks like this: {cause.sentence}" for cause in looks_like(dataset))
+
+
+def plain_oddities(dataset: Dataset) -> Iterator[str]:
+    """Those that a look at names and numbers tells, so that a run tells them as well."""
+    yield from _twin_names(dataset)
+    yield from _nearly_twins(dataset)
+    yield from _called_as_robots(dataset)
+    yield from _at_a_limit(dataset)
 
 
 def _twin_names(dataset: Dataset) -> Iterator[str]:
@@ -43,6 +58,71 @@ def _twin_names(dataset: Dataset) -> Iterator[str]:
         some = "; ".join(" and ".join(f"'{name}'" for name in sorted(names)) for names in twins[:3])
         more = f" and {len(twins) - 3} pairs more" if len(twins) > 3 else ""
         yield f"landmarks {some}{more} are one number each but count as different landmarks; write it in one way"
+
+
+def _nearly_twins(dataset: Dataset) -> Iterator[str]:
+    """Landmarks of several robots whose names differ in case, blanks, signs or leading zeros alone, if none of these
+    robots has both."""
+    users: dict[str, set[int]] = {}
+    for table in dataset.tables:
+        keys = np.unique(table.keys[:, -1])
+        for key in keys[is_landmark(keys) & (keys != WORLD) & ~is_unnamed(keys)].tolist():
+            users.setdefault(dataset.names.landmark(int(index_of(key))), set()).add(table.robot)
+    alike: dict[str, list[str]] = {}
+    for name in sorted(users):
+        if _number(name) is None and (plain := _plain(name)):
+            alike.setdefault(plain, []).append(name)
+    found = [names for names in alike.values() if len(names) > 1 and _disjoint([users[name] for name in names])]
+    if found:
+        of = dataset.names
+        some = "; ".join(
+            " and ".join(f"'{name}' ({of.these(sorted(users[name]))})" for name in names) for names in found[:3]
+        )
+        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+        yield (
+            f"landmarks {some}{more} differ in case, blanks or signs alone, and count as different landmarks; where "
+            f"they are one, write its name in one way"
+        )
+
+
+def _plain(name: str) -> str:
+    """A name without case, blanks, signs and leading zeros; what parts two numbers stays: A-1-2 is not A-12."""
+    parts = re.findall(r"\d+|[^\W\d_]+", unicodedata.normalize("NFKC", name).casefold())
+    numbers = [part.isdigit() for part in parts]
+    told = [part.lstrip("0") or "0" if number else part for part, number in zip(parts, numbers, strict=True)]
+    gaps = ["." if a and b else "" for a, b in itertools.pairwise(numbers)]
+    return "".join(itertools.chain.from_iterable(zip(told, [*gaps, ""], strict=False)))
+
+
+def _disjoint(sets: Sequence[set[int]]) -> bool:
+    return sum(map(len, sets)) == len(set().union(*sets))
+
+
+def _called_as_robots(dataset: Dataset) -> Iterator[str]:
+    """Landmarks that have the name of a robot: rows in which robots see each other, in the wrong column."""
+    robots = {dataset.names.robot(robot).casefold() for robot in dataset.robots}
+    marks = map(dataset.names.landmark, dataset.landmark_keys.tolist())
+    found = sorted(n for n in marks if len(n) > 1 and _number(n) is None and n.strip().casefold() in robots)
+    if found:
+        are = f"landmark {found[0]} is" if len(found) == 1 else f"landmarks {', '.join(found)} are"
+        yield (
+            f"{are} called as robots are: a robot that is seen is no landmark, which stands still; write these rows "
+            f"into a file of their own, with the column `other` in place of `landmark`"
+        )
+
+
+def _at_a_limit(dataset: Dataset) -> Iterator[str]:
+    """Sensors that report their limit for what is farther away."""
+    for table in dataset.tables:
+        if table.model not in ("range", "range_bearing") or len(table) < SEEN:
+            continue
+        values, counts = np.unique(table.values[:, 0], return_counts=True)
+        if counts[-1] > max(AT_LIMIT * len(table), OFTEN * counts[:-1].max(initial=0)):
+            yield (
+                f"robot {dataset.names.robot(table.robot)}, {rows_called(table.source)}: {counts[-1]} of {len(table)} "
+                f"ranges are {values[-1]:.6g} m to the last digit, and none is larger: is that the limit of its "
+                f"sensor, reported for whatever is farther away? Leave such rows out, or give their bearings alone"
+            )
 
 
 def _number(name: str) -> float | None:

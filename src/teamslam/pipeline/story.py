@@ -21,6 +21,7 @@ from teamslam.io import read
 from teamslam.joining import AtMap, Joined, cost_of, with_exactness
 from teamslam.metrics import Report, score
 from teamslam.model import Dataset, LeftOut, Values, a_kind, is_unnamed
+from teamslam.oddities import plain_oddities
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.in_time import in_time
 from teamslam.pipeline.mapping import in_rounds, mapped, pairs, refuse_workers
@@ -82,7 +83,11 @@ def run(
     if any(is_unnamed(table.keys).any() for table in dataset.tables):
         clock.start("landmarks without names")
         dataset = associate(dataset, lambda done, of: clock.hear("landmarks without names", done, of)).dataset
-    return _told(dataset, config, clock, workers, work)
+    result = _told(dataset, config, clock, workers, work)
+    odd = tuple(plain_oddities(dataset))
+    if not odd:
+        return result
+    return replace(result, joined=replace(result.joined, remarks=(*odd, *result.joined.remarks)))
 
 
 def _told(
