@@ -38,7 +38,10 @@ def test_upper_triangles(tmp_path: Path) -> None:
         ("A 1 2\nA nan 2\n", "line 2, field 'x': expected a finite number, found 'nan'"),
         ("A 1 1e200\n", "line 1, field 'y': expected a finite number"),
         ("A 1,5 2\n", "line 1, field 'x': expected a number, found '1,5' (decimal commas are not read: write a point)"),
-        ("A 1 2024-05-01T00:00:01\n", "found '2024-05-01T00:00:01' (dates are not read: write seconds since any start"),
+        ("A 1 2024-05-01T00:00:01\n", "(dates and times of day are not read: write seconds since any start"),
+        ("A 1 12:00:59.5\n", "found '12:00:59.5' (dates and times of day are not read: write seconds since any start"),
+        ("A 1 29.03.2026\n", "found '29.03.2026' (dates and times of day are not read: write seconds since any start"),
+        ("A 1 3/29/2026\n", "found '3/29/2026' (dates and times of day are not read: write seconds since any start"),
     ],
 )
 def test_words_that_are_no_numbers(text: str, problem: str, tmp_path: Path) -> None:

@@ -365,6 +365,14 @@ def test_repeated_rows_are_left_out_and_counted(tmp_path: Path) -> None:
     assert [len(t) for t in found.tables] == [2, 3]
 
 
+def test_who_surveyed_a_landmark_need_not_be_said(tmp_path: Path) -> None:
+    """It is measured from no robot."""
+    team = TEAM + '[[log]]\nfile = "plan.csv"\nmodel = "position"\nsigma = [0.01, 0.01]\n'
+    found = plain.read(folder(tmp_path, team=team, plan="landmark,x,y\n7,1,2\n"))
+    (plan,) = [t for t in found.tables if t.source == "fixes"]
+    assert plan.values.tolist() == [[1.0, 2.0]] and plan.robot in found.robots
+
+
 # --- damage -------------------------------------------------------------------------------------------------------
 
 DAMAGE: dict[str, tuple[dict[str, str], str]] = {
@@ -383,6 +391,8 @@ DAMAGE: dict[str, tuple[dict[str, str], str]] = {
                          r"line 2, field 'robot': unknown robot 'rde'; did you mean 'red'"),
     "time going back": ({"odometry": ODOMETRY + "4,3,1,0,0\n"}, r"line 4, field 'to_stamp': to_stamp is not after"),
     "overlapping increments": ({"odometry": ODOMETRY + "1.5,3,1,0,0\n"}, r"line 4.*overlaps the increment on line 3"),
+    "a recorder that was started again": ({"odometry": ODOMETRY + "0,1,1.1,0,0\n1,2,0.9,0,0\n"},
+                                          r"line 4, field 'from_stamp': .*begin anew after line 3.*count on"),
     "a time before 0": ({"landmarks": LANDMARKS + "-1,7,1,0\n"}, r"line 4, field 'stamp': expected a time from 0"),
     "milliseconds": ({"landmarks": LANDMARKS + "1.7e12,7,1,0\n"}, r"line 4, field 'stamp'.*milliseconds"),
     "an empty file": ({"landmarks": ""}, r"landmarks\.csv, line 1: empty; expected a header"),

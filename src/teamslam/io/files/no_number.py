@@ -3,7 +3,8 @@
 import re
 
 LONGEST = 40
-DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+DATE = re.compile(r"(\d{4}-\d\d?-\d\d?|\d{1,4}[./]\d\d?[./]\d{1,4})([T ]+\d\d?:\d\d|$)")
+CLOCK = re.compile(r"\d\d?:\d\d(:\d\d([.,]\d*)?)?( ?[AaPp]\.?[Mm]\.?)?$")
 
 
 def no_number(cell: str) -> str:
@@ -12,6 +13,6 @@ def no_number(cell: str) -> str:
     cure = ""
     if cell.count(",") == 1:
         cure = " (decimal commas are not read: write a point)"
-    elif DATE.match(cell):
-        cure = " (dates are not read: write seconds since any start, as pandas' (t - t[0]).dt.total_seconds() does)"
+    elif DATE.match(cell) or CLOCK.match(cell):
+        cure = " (dates and times of day are not read: write seconds since any start, as pandas' (t - t[0]).dt.total_seconds() does)"
     return f"expected a number, found '{shown}'{cure}"

@@ -132,7 +132,7 @@ def read_tables(
     whitening = read_noise(csv, noise, log.sigma, log.covariance)
     given_ids = csv.numbers("id")[:, 0] if csv.has("id") else None
     if team.keyframes == "interpolate" and source == "odometry" and csv.has("from_stamp"):
-        _check_order(csv, keys)
+        _check_order(csv, keys, values)
     tables = []
     for robot in _speakers(log, roster, robots):
         rows = np.flatnonzero(robots == robot)
@@ -219,6 +219,8 @@ def _robots(csv: Csv, log: Log, roster: Roster) -> IntArray:
     """Who logged each row (m,)."""
     if csv.has("robot"):
         return roster.robots(csv, "robot")
+    if log.robot is None and MODELS[log.model].unary and csv.has("landmark"):
+        return np.full(len(csv), next(iter(roster.entries)), np.int64)  # surveyed by nobody of the team
     if log.robot is None:
         raise InputError(
             "no such column; add it, or write robot = \"...\" into this file's [[log]]",
@@ -281,24 +283,40 @@ def _landmarks(csv: Csv, roster: Roster, robots: IntArray, place: int, unary: bo
     return target
 
 
-def _check_order(csv: Csv, keys: IntArray) -> None:
+def _check_order(csv: Csv, keys: IntArray, values: Array) -> None:
     """InputError where an increment goes back in time or overlaps one before it."""
     start, stop = keys.T
     back = np.flatnonzero(stop <= start)
     if len(back):
         raise csv.fail(int(back[0]), "to_stamp is not after from_stamp; an increment leads forward in time", "to_stamp")
     order = np.lexsort((start, robot_of(start)))
-    same = np.all(keys[order[1:]] == keys[order[:-1]], -1)  # repeated rows are counted later
+    whole = np.concatenate([keys, np.ascontiguousarray(values, dtype=float).view(np.int64)], -1)
+    same = np.all(whole[order[1:]] == whole[order[:-1]], -1)  # repeated rows are counted later
     late = np.flatnonzero(
         (start[order[1:]] < stop[order[:-1]]) & (robot_of(start[order[1:]]) == robot_of(stop[order[:-1]])) & ~same
     )
     if len(late):
         row, earlier = int(order[late[0] + 1]), int(order[late[0]])
+        _check_starts(csv, start)
         raise csv.fail(
             row,
             f"overlaps the increment on line {int(csv.lines[earlier])}; each moment belongs to one row",
             "from_stamp",
         )
+
+
+def _check_starts(csv: Csv, start: IntArray) -> None:
+    """InputError where the stamps of a robot begin anew in the order of the file: its recorder was started again."""
+    for robot in np.unique(robot_of(start)).tolist():
+        mine = np.flatnonzero(robot_of(start) == robot)
+        again = np.flatnonzero(np.diff(start[mine]) < 0)
+        if len(again) and start[mine[again[0] + 1]] <= start[mine[0]]:
+            raise csv.fail(
+                int(mine[again[0] + 1]),
+                f"the stamps of this robot begin anew after line {int(csv.lines[mine[again[0]]])}, as where a recorder was "
+                f"started again; let them count on, in all files alike, or give each start a robot of its own",
+                "from_stamp",
+            )
 
 
 def _ids(csv: Csv, given: Array, rows: IntArray) -> IntArray:
