@@ -158,6 +158,8 @@ def _told(
             suspected = suspicions(log, submaps, joined) if seen is None else seen
         try:
             pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
+            if suspected is not None and suspects and submaps:
+                suspected = suspected.once_put_right(submaps, joined)
             joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))
         except SolveError as error:
             calibration = None

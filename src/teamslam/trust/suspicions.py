@@ -59,6 +59,17 @@ class Suspicions:
         left = {name: chance for name, chance in self.judgement.themselves.items() if name in still}
         return replace(self, judgement=replace(self.judgement, themselves=left))
 
+    def once_put_right(self, submaps: Sequence[Submap], joined: Joined) -> "Suspicions":
+        """With what is known once the noise of the log is put right, of which these are the submaps and their map: where
+        robots that contradicted each other, and nobody could say who is wrong, do so no more."""
+        judged = self.judgement
+        if judged is None or judged.accused or not judged.contradict:
+            return self
+        again = _judged(submaps, joined)
+        if again is None or again.contradict or again.accused or again.alternatives:
+            return self
+        return replace(self, judgement=replace(judged, settled=True))
+
     def put_out(self) -> Iterator[str]:
         """Of each robot that lies what becomes of it where the log is `mended`."""
         for liar in self.liars:

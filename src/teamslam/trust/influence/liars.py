@@ -44,7 +44,8 @@ class Judgement:
     """Who lies, of the `members` (robots, or submaps by id): the `accused`, with the probability `significance` that an
     honest team looks like this, and the map of the `rest`; the `alternatives` that explain about as much, in which case
     nobody is accused; whether the members `contradict` each other, so that what is left unexplained is no chance.
-    `themselves`: those whose own measurements contradict each other (see `alone`), with the probability of that."""
+    `themselves`: those whose own measurements contradict each other (see `alone`), with the probability of that.
+    `settled`: whether they contradict each other by the noise as it is stated alone, and no more once it is put right."""
 
     members: tuple[Hashable, ...]
     accused: tuple[Hashable, ...]
@@ -55,11 +56,12 @@ class Judgement:
     themselves: dict[Hashable, float]
     whole: Fit
     left: Fit
+    settled: bool = False
 
     @property
     def undecidable(self) -> bool:
         """Whether somebody must be wrong, and nobody can say who."""
-        return self.contradict and not self.accused
+        return self.contradict and not self.accused and not self.settled
 
 
 def liars(submaps: Sequence[Submap], joined: Joined, *, level: float = LEVEL) -> Judgement:

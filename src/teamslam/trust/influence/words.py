@@ -17,6 +17,11 @@ def sentences_on_robots(found: Judgement, names: Names) -> Iterator[str]:
             f"{'it' if len(found.accused) == 1 else 'them'} joining falls from {times}, and {agree} (by chance in "
             f"{_chance(found.significance)} of honest teams)"
         )
+    elif found.settled:
+        yield (
+            f"robots contradict each other by the noise as it is stated ({found.whole.factor:,.2g} times what is "
+            f"expected of joining), and no more once it is put right"
+        )
     elif found.alternatives:
         ways = "; or ".join(_robots(a, names) if a else "all, by noise larger than stated" for a in found.alternatives)
         yield f"robots contradict each other, and nobody can say who is wrong: it may be {ways}"
