@@ -53,8 +53,9 @@ Its fields:
                                    `what` it is, how many `poses`, `landmarks` and `rows` are lost with it, and the
                                    `reason`
     rejected                       sightings that look wrong: the `count` of them, `of` how many, and whether they were
-                                   `left_out`; `sentences` alone where a glance at the residuals counts them, and where
-                                   the map does not fit, or they were to be left out, also what follows:
+                                   `left_out`; the `count` is null where most of a sensor's are far off, and nobody can
+                                   tell which are wrong; `sentences` alone where a glance at the residuals counts them,
+                                   and where the map does not fit, or they were to be left out, also what follows:
                                    by sensor how many, the probability that one is `wrong`, and by how much the `noise`
                                    of the others is larger than stated, in variance; `open`, landmarks that a robot's
                                    sightings put in two places, and nobody decides (`larger` 1: one sighting is left,

@@ -19,7 +19,7 @@ def wrong_of(result: Result) -> dict[str, Any] | None:
     if wrong.decisions is not None and wrong.log is not None:
         return _decided(wrong.decisions, wrong.log, left_out=False)
     return {
-        "count": sum(glance.wrong for glance in wrong.glance),
+        "count": None if wrong.unclear else sum(glance.wrong for glance in wrong.glance),
         "of": sum(len(table) for table in result.dataset.tables if table.source != "odometry"),
         "left_out": False,
         "sentences": list(wrong.sentences()),

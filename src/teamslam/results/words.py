@@ -90,6 +90,8 @@ def _rejected(found: Report | None) -> Rows:
     """How many sightings were wrong, and whose."""
     if found is None:
         return []
+    if found["count"] is None:
+        return [("wrong", sentence) for sentence in found["sentences"]]
     total = f"{found['count']:,} of {counted(found['of'], 'sighting')}"
     if found.get("left_out", True):
         return [("wrong", f"{total}, left out"), *(("", sentence) for sentence in found["sentences"])]

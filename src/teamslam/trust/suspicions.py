@@ -60,8 +60,8 @@ class Suspicions:
         return replace(self, judgement=replace(self.judgement, themselves=left))
 
     def once_put_right(self, submaps: Sequence[Submap], joined: Joined) -> "Suspicions":
-        """With what is known once the noise of the log is put right, of which these are the submaps and their map: where
-        robots that contradicted each other, and nobody could say who is wrong, do so no more."""
+        """With what is known once the noise of the log is put right, of which these are the submaps and their map:
+        where robots that contradicted each other, and nobody could say who is wrong, do so no more."""
         judged = self.judgement
         if judged is None or judged.accused or not judged.contradict:
             return self

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import faults
 from teamslam.model import Loss
 from teamslam.pipeline import run
 from teamslam.results import Record
@@ -63,6 +64,15 @@ def test_numbers_that_were_misread_are_named_and_nobody_is_suspected_for_them(sp
     for row in rows.tolist():
         assert " from ".join(log.names.describe(int(key)) for key in keys[row, ::-1]) in told
     assert list(result.trust.suspicions.sentences()) == []
+
+
+def test_where_most_are_far_off_none_is_called_wrong() -> None:
+    """Sigmas that are far too small, such as variances in their place: every sighting is as right as the others."""
+    log = simulate(Options(space="2d", robots=2, poses=25, landmarks=12), 1)
+    result = run(faults.plant(log, faults.surer(50.0)))
+    report = Record.of(result).report
+    assert report["fit"]["gross"] and report["rejected"]["count"] is None and "rows" not in report["rejected"]
+    assert "nobody can tell which sightings are wrong" in dict(outcome(report))["wrong"]
 
 
 def test_a_few_that_look_wrong_where_the_map_fits_are_counted() -> None:

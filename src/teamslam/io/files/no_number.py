@@ -14,5 +14,6 @@ def no_number(cell: str) -> str:
     if cell.count(",") == 1:
         cure = " (decimal commas are not read: write a point)"
     elif DATE.match(cell) or CLOCK.match(cell):
-        cure = " (dates and times of day are not read: write seconds since any start, as pandas' (t - t[0]).dt.total_seconds() does)"
+        pandas = "pandas' (t - t[0]).dt.total_seconds() does"
+        cure = f" (dates and times of day are not read: write seconds since any start, as {pandas})"
     return f"expected a number, found '{shown}'{cure}"

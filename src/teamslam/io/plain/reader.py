@@ -313,8 +313,8 @@ def _check_starts(csv: Csv, start: IntArray) -> None:
         if len(again) and start[mine[again[0] + 1]] <= start[mine[0]]:
             raise csv.fail(
                 int(mine[again[0] + 1]),
-                f"the stamps of this robot begin anew after line {int(csv.lines[mine[again[0]]])}, as where a recorder was "
-                f"started again; let them count on, in all files alike, or give each start a robot of its own",
+                f"the stamps of this robot begin anew after line {int(csv.lines[mine[again[0]]])}, as where a recorder "
+                f"was started again; let them count on, in all files alike, or give each start a robot of its own",
                 "from_stamp",
             )
 

@@ -45,7 +45,7 @@ class Judgement:
     honest team looks like this, and the map of the `rest`; the `alternatives` that explain about as much, in which case
     nobody is accused; whether the members `contradict` each other, so that what is left unexplained is no chance.
     `themselves`: those whose own measurements contradict each other (see `alone`), with the probability of that.
-    `settled`: whether they contradict each other by the noise as it is stated alone, and no more once it is put right."""
+    `settled`: whether they do so by the noise as it is stated alone, and no more once it is put right."""
 
     members: tuple[Hashable, ...]
     accused: tuple[Hashable, ...]

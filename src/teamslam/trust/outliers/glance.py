@@ -16,7 +16,7 @@ from teamslam.model import Dataset, Names, Table, index_of, is_landmark
 from teamslam.trust.cause import rows_called
 from teamslam.trust.evidence import Fit
 from teamslam.trust.outliers.decide import Decisions, wrong_sightings
-from teamslam.trust.outliers.gates import gates, noise_of, share_wrong
+from teamslam.trust.outliers.gates import LARGEST, gates, noise_of, share_wrong
 from teamslam.trust.outliers.words import in_brackets, sentences_on_sightings
 from teamslam.trust.residuals import Rows
 
@@ -24,6 +24,10 @@ ROUNDS = 3
 LONG = 20_000  # sightings of a log that are looked at once only
 ADRIFT = 0.75  # of a landmark's sightings look wrong: no place fits it,
 OFTEN = 6  # of so many at least
+UNCLEAR = (
+    "most of what a sensor saw is far off at this map, so nobody can tell which sightings are wrong: look for sigmas "
+    "that are too small, or for one mistake in all of its rows, or in the odometry beside them"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +122,21 @@ def adrift(residuals: Sequence[Rows], found: Sequence[Glance]) -> Adrift | None:
 @dataclass(frozen=True, eq=False)
 class Wrong:
     """Sightings that look wrong at a map that was made of all of them, by a `glance`, and landmarks that no place fits
-    (`adrift`); where the map does not fit, `decisions` on which they are, made of `log`. Nothing was left out."""
+    (`adrift`); where the map does not fit, `decisions` on which they are, made of `log`, unless that is `unclear`: most
+    of what was seen is far off. Nothing was left out."""
 
     glance: tuple[Glance, ...]
     names: Names
     adrift: Adrift | None = None
     log: Dataset | None = None
     decisions: Decisions | None = None
+    unclear: bool = False
 
     def sentences(self) -> Iterator[str]:
         """How many of which sensors."""
+        if self.unclear:
+            yield UNCLEAR
+            return
         if self.decisions is not None:
             yield from sentences_on_sightings(self.decisions)
         else:
@@ -148,4 +157,13 @@ def looks_wrong(log: Dataset, residuals: Sequence[Rows], *, fits: bool, probabil
         decisions = wrong_sightings(log, probability=probability)
     except TeamslamError:
         return found
+    if _most_are_far_off(decisions):
+        return replace(found, adrift=None, unclear=True)
     return replace(found, log=log, decisions=decisions) if decisions.rejected else found
+
+
+def _most_are_far_off(found: Decisions) -> bool:
+    """Whether most of all sightings would be wrong, or the noise of what is left of a sensor is larger than is looked
+    for: what supposes that most are right tells nothing then."""
+    rows = sum(sensor.rows for sensor in found.sensors)
+    return 2 * found.rejected > rows or any(sensor.noise >= LARGEST for sensor in found.sensors)
