@@ -36,9 +36,9 @@ class Normal:
     sigmas: Array
 
 
-def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> Normal:
-    """The normal equations of the unknowns at the maps of all components of a log, solved. SolveError where its rows do
-    not determine a map."""
+def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects, kept: BoolArray | None = None) -> Normal:
+    """The normal equations of the unknowns at the maps of all components of a log, solved; those that are `kept` (k,)
+    stay as stated whatever rows say. SolveError where its rows do not determine a map."""
     prior, stated, useful = (np.array([getattr(u, f) for u in unknowns.each]) for f in ("prior", "stated", "useful"))
     clocks, drifts = (np.array([getattr(u, f) for u in unknowns.each]) for f in ("clock_of", "drift_of"))
     own = np.diag(prior**-2.0)
@@ -48,7 +48,7 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> No
         own, slope = own + left, slope + pull
     own = 0.5 * (own + own.T)
     sigmas = np.sqrt(np.diag(np.linalg.inv(own)))
-    free = _free(own, slope, stated - unknowns.values, useful, (clocks, drifts))
+    free = _free(own, slope, stated - unknowns.values, useful, (clocks, drifts), kept)
     held = ~np.isin(np.arange(len(own)), free)
     covariance = np.zeros_like(own)
     covariance[np.ix_(free, free)] = np.linalg.inv(own[np.ix_(free, free)])
@@ -58,12 +58,19 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> No
     return Normal(step, covariance, held, sigmas)
 
 
-def _free(own: Array, slope: Array, back: Array, useful: Array, clocks: tuple[IntArray, IntArray]) -> IntArray:
+def _free(
+    own: Array,
+    slope: Array,
+    back: Array,
+    useful: Array,
+    clocks: tuple[IntArray, IntArray],
+    kept: BoolArray | None = None,
+) -> IntArray:
     """Which unknowns are moved: all that somebody called uncertain, those of which the rows contradict what is stated,
     and drifts of clocks whose offset they contradict, since a clock that nobody set was not tuned either; the least
     contradicted stays first. `back` (k,) leads to what is stated; `clocks` (k,) are the robots of whose clock each is
     the offset, or the drift."""
-    free = np.arange(len(own))
+    free = np.arange(len(own)) if kept is None else np.flatnonzero(~kept)
     while len(free):
         known = np.linalg.inv(own[np.ix_(free, free)])
         sigmas = np.sqrt(np.diag(known))

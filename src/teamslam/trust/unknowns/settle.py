@@ -1,6 +1,6 @@
 """A log whose unknowns are estimated with its map: mapped, moved and read again, until they stay where they are."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,11 @@ from teamslam.geometry import Array
 from teamslam.joining import AtMap, Joined, full
 from teamslam.model import Dataset, Unknown, Unknowns
 from teamslam.solver import Options
+from teamslam.trust.unknowns.agreement import contradicted
 from teamslam.trust.unknowns.effects import Effects
 from teamslam.trust.unknowns.known import Known, known_at
 from teamslam.trust.unknowns.near import near
-from teamslam.trust.unknowns.normal import normal_at
+from teamslam.trust.unknowns.normal import Normal, normal_at
 from teamslam.trust.unknowns.scan import scanned, without_meetings
 from teamslam.trust.unknowns.windows import Window, windows_of
 
@@ -27,12 +28,14 @@ TOLD = 0.5  # of the prior: what is not known better than that, the data do not 
 class Found:
     """What was found of an unknown: the `value` by which the log was made, its standard deviation `sigma` beside the
     map, and whether the rows told it better than its prior; `sigma` is then that which they would tell it with, of a
-    number that is as it was stated. `windows`: what stretches say by themselves."""
+    number that is as it was stated. `feigned`: what the rows of all landmarks together would have it be, where these
+    contradict each other on it, so that it stays as stated. `windows`: what stretches say by themselves."""
 
     unknown: Unknown
     value: float
     sigma: float
     told: bool
+    feigned: float | None = None
     windows: tuple[Window, ...] = ()
 
 
@@ -80,10 +83,15 @@ def _as_read(log: Dataset, why: str) -> Settled:
 
 
 def _settled(
-    log: Dataset, options: Options, tell: Callable[[], None], adapted: Callable[[Dataset], Dataset]
+    log: Dataset,
+    options: Options,
+    tell: Callable[[], None],
+    adapted: Callable[[Dataset], Dataset],
+    feigned: Array | None = None,
 ) -> Settled:
     assert log.unknowns is not None
     each = log.unknowns.each
+    kept = None if feigned is None else np.isfinite(feigned)
     prior = np.array([unknown.prior for unknown in each])
     most = np.array([unknown.most for unknown in each])
     log, joined = _apart(log, options, adapted) if any(unknown.clock_of for unknown in each) else (log, None)
@@ -95,7 +103,7 @@ def _settled(
         joined = full(rows, initial=None if joined is None else near(joined, rows), options=options)
         maps = [AtMap(rows.tables, component.map) for component in joined.components]
         effects = Effects(unknowns, maps)
-        normal = normal_at(maps, unknowns, effects)
+        normal = normal_at(maps, unknowns, effects, kept)
         if (normal.step / normal.sigmas) @ before < -BACK * (before @ before):
             share *= 0.5
         step, before = share * normal.step, normal.step / normal.sigmas
@@ -103,16 +111,37 @@ def _settled(
         if done or rounds == ROUNDS:
             break
         log = unknowns.again(unknowns.values + step * min(1.0, float((most / np.maximum(np.abs(step), 1e-300)).min())))
+    if feigned is None and (feigned := _feigned(maps, unknowns, effects, normal)) is not None:
+        stated = np.array([unknown.stated for unknown in each])
+        again = unknowns.again(np.where(np.isfinite(feigned), stated, unknowns.values))
+        return _settled(again, options, tell, adapted, feigned)
     told = ~normal.held & (normal.sigmas < TOLD * prior)
     windows = windows_of(maps, unknowns, effects)
     found = tuple(
-        Found(unknown, float(value), float(sigma), bool(known), window)
-        for unknown, value, sigma, known, window in zip(
-            each, unknowns.values, normal.sigmas, told, windows, strict=True
+        Found(unknown, float(value), float(sigma), bool(known), None if np.isnan(feint) else float(feint), window)
+        for unknown, value, sigma, known, feint, window in zip(
+            each,
+            unknowns.values,
+            normal.sigmas,
+            told,
+            np.full(len(each), np.nan) if feigned is None else feigned,
+            windows,
+            strict=True,
         )
     )
     known = known_at(maps, effects, normal.covariance)
     return Settled(log, found, normal.covariance, rounds, done, known=known, joined=joined)
+
+
+def _feigned(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects, normal: Normal) -> Array | None:
+    """Of unknowns (k,) that nobody called uncertain and that were moved, the values on which landmarks contradict each
+    other; NaN of all others. None where there are none."""
+    useful, stated = (np.array([getattr(unknown, name) for unknown in unknowns.each]) for name in ("useful", "stated"))
+    moved = (useful > 0.0) & (unknowns.values != stated) & ~normal.held
+    if not moved.any():
+        return None
+    moved &= contradicted(maps, unknowns, effects)
+    return np.where(moved, unknowns.values + normal.step, np.nan) if moved.any() else None
 
 
 def _apart(log: Dataset, options: Options, adapted: Callable[[Dataset], Dataset]) -> tuple[Dataset, Joined | None]:

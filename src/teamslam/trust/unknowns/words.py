@@ -19,6 +19,12 @@ def _sentence(found: Found) -> str:
         before = f"{_number(found, found.unknown.stated)} +- {_number(found, found.unknown.prior)}"
         known = f"{_number(found, found.value)} +- {_number(found, found.sigma)}"
         return f"{of}: {name} {known}, hardly better known than was stated, {before}."
+    if found.feigned is not None:
+        feint = _number(found, found.feigned)
+        return (
+            f"{of}: {name} is as stated, {_number(found, found.value)}; {feint} fits better, but landmarks contradict "
+            f"each other on it: what was carried about makes a camera seem late."
+        )
     if not found.told:
         fits = found.sigma <= found.unknown.useful
         says = "does not contradict it" if fits else "does not tell it"
