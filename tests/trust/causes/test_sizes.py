@@ -1,5 +1,6 @@
 """A tag that is larger or smaller than stated is named, with the size that it has; right ones are not."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,30 @@ def test_the_tag_of_another_size_is_named(seed, factor, tmp_path):
     assert not [*result.suspicions.sentences()]  # nobody says that it was moved, or that a robot lies
     assert cause.kind == "size" and cause.is_mistake and "the size of tag 3 is wrong" in cause.sentence
     assert float(cause.sentence.split()[-2]) == pytest.approx(tagged_room.SIZE, rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [1.1, 0.95])
+def test_one_wrong_size_of_all_tags_is_named(factor, tmp_path):
+    """Odometry and the cubes say how long a metre is."""
+    team = tagged_room.write(tagged_room.make(seed=2, seconds=24.0, rate=2.0), tmp_path)
+    stated = factor * tagged_room.SIZE
+    team.write_text(team.read_text().replace(f"size_m = {tagged_room.SIZE}", f"size_m = {stated}"))
+    (cause,) = ts.run(team).verdict.causes
+    assert cause.kind == "size" and "the size of all tags is wrong" in cause.sentence
+    times = float(cause.sentence.split("they fit ")[1].split()[0])
+    assert times == pytest.approx(1.0 / factor, rel=0.01)
+    assert float(cause.sentence.split("has lengths ")[1].split()[0]) == pytest.approx(factor, rel=0.01)
+
+
+def test_a_focal_length_that_is_wrong_is_no_size(tmp_path):
+    """Tags look farther away, and aside: a size explains but the first."""
+    team = tagged_room.write(tagged_room.make(seed=2, seconds=24.0, rate=2.0), tmp_path)
+    camera = json.loads((tmp_path / "camera.json").read_text())
+    for place in (0, 4):
+        camera["camera_matrix"][place] *= 1.1
+    (tmp_path / "camera.json").write_text(json.dumps(camera))
+    found = ts.run(team).verdict
+    assert found.level == "misfit" and not [cause for cause in found.causes if cause.kind == "size"]
 
 
 @pytest.mark.parametrize(("one", "other"), [(1, 3), (0, 2)])

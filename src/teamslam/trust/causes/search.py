@@ -28,7 +28,7 @@ from teamslam.trust.causes.alone import SURE, Found, Mistake, mistake_of
 from teamslam.trust.causes.between import FITS, may_disagree, mistakes_between
 from teamslam.trust.causes.jumps import jumps
 from teamslam.trust.causes.places import two_places
-from teamslam.trust.causes.sizes import wrong_sizes
+from teamslam.trust.causes.sizes import wrong_size_of_all, wrong_sizes
 from teamslam.trust.causes.stretches import busiest
 from teamslam.trust.causes.trial import Trial
 from teamslam.trust.causes.world import mistakes_in_the_world
@@ -51,6 +51,10 @@ def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals], *, far
             return in_the_world
     both = list(zip(joined.components, parts, strict=True))
     costly = _bad(by_landmark(rows), BAD_LANDMARK)
+    worst = _bad(by_sensor(rows)[0], BAD_SENSOR) or costly
+    of_all = [cause for component, part in both if worst for cause in wrong_size_of_all(log, component.map, part.rows)]
+    if of_all:
+        return of_all
     sizes = [cause for component, part in both if costly for cause in wrong_sizes(log, component.map, part.rows)]
     if sizes:
         return sizes

@@ -5,9 +5,12 @@ middle or farther from it, the rest of the map held, over a grid of sizes. Such 
 near what is stated; so from the best of them the whole map is solved again and again, downhill as far as that leads. A
 size is told where that takes away most of the landmark's excess, beside the map that is solved again by the size as it
 is stated: a join may be far from its best by itself.
+
+Before that all tags are tried together: where odometry or depths say how long a metre is, one wrong edge for all of
+them bends every row a little, and no tag by itself costs too much.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -26,9 +29,43 @@ SUSPECT, EXCESS = 3.0, 50.0  # times the expected cost, and how much above it, f
 FARTHEST, STEP = 1.0, 0.03  # of the logarithm of a size, and of its grid
 AROUND, FINER, FINEST = 0.1, 20, 0.02  # first steps from there on the whole map, trials there, and of them the share
 LEAST = 0.02  # of a size: what is nearer is another fault
+LARGEST = 0.5  # of a size of all tags: what is farther is a unit
 EXPLAINED = 0.8  # of the landmark's excess
 MOST = 5  # landmarks
+HINT, HINTED = 0.03, 0.2  # sizes of all to both sides; of the excess, what a parabola through them has to take away
 QUICK = Options(max_iterations=15, decrement=0.1)
+
+
+def wrong_size_of_all(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause]:
+    """Whether all tags of a map are so many times larger or smaller than stated, in words."""
+    values, frame = point_of(joined), frame_of(joined)
+    tables = told_by(log.tables, values.layout)
+    corners = [table for table in tables if table.model == "corners" and len(table)]
+    marks = np.unique(np.concatenate([np.zeros(0, np.int64), *(table.keys[:, -1] for table in corners)]))
+    excess = float(sum(row.cost.sum() - row.expected.sum() for row in rows))
+    if len(marks) < 2 or excess < EXCESS:
+        return []
+
+    def whole(size: float) -> float:
+        return _cost(*_solved([_resized(table, marks, size) for table in tables], values, frame))
+
+    stated = whole(0.0)
+    smaller, larger = whole(-HINT), whole(HINT)
+    bent, slope = 0.5 * (smaller + larger) - stated, 0.5 * (larger - smaller)
+    if bent > 0.0 and slope**2 / (4.0 * bent) < HINTED * excess:
+        return []
+    size, after = _lowest(whole, 0.0)
+    gone = (stated - after) / excess
+    if not LEAST < abs(size) < LARGEST or gone < EXPLAINED:
+        return []
+    edges = {edge for mark in marks.tolist() if (edge := _edge(_of(mark, tables))) is not None}
+    example = f" ({min(edges):.3f} m would be {min(edges) * np.exp(size):.3f} m)" if edges else ""
+    said = (
+        f"the size of all tags is wrong: they fit {np.exp(size):.3f} times as large as they are stated{example}; or "
+        f"else what tells metres besides, odometry before all, has lengths {np.exp(-size):.3f} times too long"
+    )
+    robots = tuple(sorted({table.robot for table in corners}))
+    return [Cause("size", said, min(gone, 1.0), robots, partial(_by_size, mark=marks, size=size))]
 
 
 def wrong_sizes(log: Dataset, joined: Submap, rows: Sequence[Rows]) -> list[Cause]:
@@ -69,6 +106,11 @@ def _best(tables: Sequence[Table], values: Values, mark: int, frame: IntArray) -
     def whole(size: float) -> float:
         return _cost(*_solved([_resized(t, mark, size) for t in tables], values, frame))
 
+    return _lowest(whole, start)
+
+
+def _lowest(whole: Callable[[float], float], start: float) -> tuple[float, float]:
+    """Where a cost is lowest near a start, and what it is there."""
     from scipy.optimize import minimize_scalar
 
     fit = minimize_scalar(whole, bracket=(start - AROUND, start + AROUND), options={"maxiter": FINER, "xtol": FINEST})
@@ -103,17 +145,17 @@ def _cost(tables: Sequence[Table], values: Values) -> float:
     return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in tables if len(t))
 
 
-def _by_size(log: Dataset, mark: int, size: float) -> Dataset:
-    """The log with a tag of another size."""
+def _by_size(log: Dataset, mark: int | IntArray, size: float) -> Dataset:
+    """The log with a tag, or several, of another size."""
     return log.with_tables(_resized(table, mark, size) for table in log.tables)
 
 
-def _resized(table: Table, mark: int, size: float) -> Table:
-    """A table with the corners on one landmark so much (a logarithm) farther from their middle."""
+def _resized(table: Table, mark: int | IntArray, size: float) -> Table:
+    """A table with the corners on one landmark or several so much (a logarithm) farther from their middle."""
     if table.model != "corners":
         return table
     corners = table.values[:, 12:24].reshape(-1, 4, 3)
     middle = corners.mean(1, keepdims=True)
-    far = np.where(table.keys[:, -1] == mark, np.exp(size), 1.0)[:, None, None]
+    far = np.where(np.isin(table.keys[:, -1], mark), np.exp(size), 1.0)[:, None, None]
     out = (middle + far * (corners - middle)).reshape(-1, 12)
     return replace(table, values=np.concatenate([table.values[:, :12], out], -1))
