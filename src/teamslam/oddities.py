@@ -5,7 +5,7 @@ names      landmarks `1` and `1.0`, which are one number and two landmarks; `Doo
 limits     ranges of which many are the same to the last digit, and none is larger
 twice      rows that stand in two logs of a robot, or numbers of one robot in another's log
 truth      a truth that knows none of a robot's poses
-time       stamps of a robot that run a thousand, a million or a milliard times as fast as the others'
+time       stamps of a robot that run a thousand or a million times as fast as the others'
 mistakes   signs, units, axes and clocks that do not fit between odometry and sightings (see `trust.causes.told`)
 """
 
@@ -23,7 +23,7 @@ from teamslam.trust.causes.told import looks_like
 
 COPIED = 0.5  # of the rows of a log that another robot's holds too
 FEWEST = 5
-PARTS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}  # of a second
+PARTS = {1e3: "milliseconds", 1e6: "microseconds"}  # of a second; nanoseconds are refused where they are read
 SEEN = 20  # sightings of a sensor that is looked at for its limit
 AT_LIMIT, OFTEN = 0.05, 3.0  # of its ranges that are the largest, and beside how often another is met
 ALIKE = 3.0  # times as long or as short, for stamps to be taken for those of one team
@@ -207,10 +207,10 @@ def _out_of_truth(dataset: Dataset) -> Iterator[str]:
 def _in_other_seconds(dataset: Dataset) -> Iterator[str]:
     """Robots of which both the whole way and its steps last so many times as long as those of the others."""
     names = dataset.names
-    stamps = {robot: names.stamps_s(np.sort(_driven(dataset, robot))) for robot in dataset.robots}
-    stamps = {robot: at for robot, at in stamps.items() if len(at) >= FEWEST}
     if names.counts:
         return
+    stamps = {robot: names.stamps_s(_driven(dataset, robot)) for robot in dataset.robots}
+    stamps = {robot: at for robot, at in stamps.items() if len(at) >= FEWEST}
     for robot, at in stamps.items():
         others = [s for other, s in stamps.items() if other != robot]
         if not others:
@@ -227,7 +227,7 @@ def _in_other_seconds(dataset: Dataset) -> Iterator[str]:
 
 
 def _driven(dataset: Dataset, robot: int) -> AnyArray:
-    """The poses of a robot that its odometry ties."""
+    """The poses of a robot that its odometry ties, in their order."""
     own = [t.keys for t in dataset.tables if t.robot == robot and t.is_odometry]
     return np.unique(np.concatenate([np.zeros(0, np.int64), *(keys.ravel() for keys in own)]))
 

@@ -20,8 +20,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.geometry import AnyArray, Array, Pose
-from teamslam.metrics.frames import Aligned, as_kinds, truth_at_base
-from teamslam.model import WORLD, Submap, Values, chi2_quantile, is_pose
+from teamslam.metrics.frames import Aligned, as_kinds, in_another_world, truth_at_base
+from teamslam.model import Submap, Values, chi2_quantile, is_pose
 
 CONFIDENCE = 0.95
 FORGIVEN = 1e-6  # of the squared residuals: less is rounding
@@ -118,7 +118,7 @@ class InFrame:
 def in_frame(submap: Submap, truth: Values, aligned: Aligned) -> InFrame:
     """A truth in the frame of a map that is `aligned` with it."""
     known = truth_at_base(submap, truth)
-    if known is not None and not (submap.base == WORLD and aligned.elsewhere):
+    if known is not None and not in_another_world(submap, aligned):
         return InFrame(known, "world" if submap.base < 0 else "base", 0)
     fitted = _fit_frame(submap, as_kinds(truth, submap.values.layout), aligned)
     return InFrame(fitted, "fitted", aligned.pose.dof)

@@ -62,18 +62,11 @@ class Aligned:
         spread = np.mean(np.sum((there - there.mean(0)) ** 2, -1))
         return len(self.keys) < 3 or float(np.mean(np.sum(self.positions(self.keys) ** 2, -1))) < 0.25 * float(spread)
 
-    @cached_property
+    @property
     def moved_m(self) -> float:
         """How far the middle of what both know was moved onto the truth [m]."""
         middle = self.truth.positions(self.keys, 3)[:, : self.pose.dim].mean(0)
         return float(np.linalg.norm(middle - self.pose.inverse().act(middle)))
-
-    @property
-    def elsewhere(self) -> bool:
-        """Whether the truth is written in another frame: the map is like it, but was moved farther onto it than it is
-        large."""
-        there = self.truth.positions(self.keys, 3)
-        return self.alike and self.moved_m > 2.0 * float(np.linalg.norm(there - there.mean(0), axis=-1).max())
 
     def positions(self, keys: IntArray) -> Array:
         """Errors of position (n, 3) [m]; heights count only where both know them."""
@@ -164,6 +157,14 @@ def _without_heights(here: Array, there: Array, flat: BoolArray, near: Pose) -> 
         spread = float(np.mean(np.sum((there[~flat] - there[~flat].mean(0)) ** 2, -1)))
         near = others.pose if others.rigidity > HELD * spread else near
     return register(Told.of_points(here, there, known), near).pose
+
+
+def in_another_world(submap: Submap, aligned: Aligned) -> bool:
+    """Whether a map that is written in the world's frame and a truth that it is like are of two worlds: it was moved
+    farther onto it than it is large."""
+    there = aligned.truth.positions(aligned.keys, 3)
+    large = 2.0 * float(np.linalg.norm(there - there.mean(0), axis=-1).max())
+    return submap.base == WORLD and aligned.alike and aligned.moved_m > large
 
 
 def truth_at_base(submap: Submap, truth: Values) -> Values | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.metrics.consistency import ChiSquare, Marginals
-from teamslam.metrics.frames import Aligned
+from teamslam.metrics.frames import Aligned, in_another_world
 from teamslam.model import WORLD, Submap, chi2_quantile, is_pose
 
 MOST = 60  # places of which the mean is taken, spread evenly over all: their joint covariance is no small matter
@@ -38,7 +38,7 @@ def in_world(map: Submap, aligned: Aligned, covariances: Marginals | None) -> In
     dim, keys = aligned.pose.dim, aligned.keys
     layouts = aligned.estimate.layout, aligned.truth.layout
     told = dim == 2 or all(bool((layout.kinds[layout.index(keys)] % 2 == 1).all()) for layout in layouts)
-    if map.base != WORLD or aligned.elsewhere or covariances is None or not told:
+    if map.base != WORLD or in_another_world(map, aligned) or covariances is None or not told:
         return None
     error = map.values.positions(keys, dim) - aligned.truth.positions(keys, dim)
     some = np.unique(np.linspace(0, len(keys) - 1, MOST).round().astype(int))

@@ -10,9 +10,9 @@ from teamslam.geometry import Pose
 from teamslam.metrics.accuracy import Accuracy, PerNumber, Track, accuracy
 from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, Marginals, consistency, fit_of
 from teamslam.metrics.contradicted import Contradiction, contradicted, told_of
-from teamslam.metrics.frames import Aligned, align_team
+from teamslam.metrics.frames import Aligned, align_team, in_another_world
 from teamslam.metrics.in_world import InWorld, in_world, said_of
-from teamslam.model import WORLD, Submap, Values, expect
+from teamslam.model import Submap, Values, expect
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ def _compared(map: Submap, aligned: Aligned | None) -> Report:
         note = f"the truth knows {what} of this map only, which leaves it free to turn: nothing can be compared"
         return Report(map.id, None, note=note)
     note = "" if aligned.alike else STRANGERS
-    if map.base == WORLD and aligned.elsewhere:
+    if in_another_world(map, aligned):
         note = ELSEWHERE.format(aligned.moved_m)
     return Report(
         map=map.id,

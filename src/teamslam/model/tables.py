@@ -184,6 +184,10 @@ class Table(Sealed):
         """W e (m, rows), in sigmas."""
         return np.asarray((self.whitening @ self.residual(values)[..., None])[..., 0])
 
+    def cost(self, values: Values) -> float:
+        """What its rows cost at `values`, as its loss counts them; nothing where there are none."""
+        return float(self.loss.cost(np.sum(self.whitened(values) ** 2, -1)).sum()) if len(self) else 0.0
+
     @property
     def observes_robots(self) -> bool:
         """True where another robot is the target of every row."""

@@ -12,11 +12,12 @@ from teamslam.solver.parallel import each_side_by_side, meanwhile, side_by_side
 from teamslam.solver.reach import convex_start, firm, reach, refuse_rounding
 from teamslam.solver.rules import RULES
 from teamslam.solver.settled import settled
-from teamslam.solver.solution import Solution, Status, Step
+from teamslam.solver.solution import SAME, Solution, Status, Step
 from teamslam.solver.system import Linearised, SubmapTerm, System
 
 __all__ = [
     "RULES",
+    "SAME",
     "Condensed",
     "Covariances",
     "Factor",

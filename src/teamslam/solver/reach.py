@@ -26,7 +26,7 @@ from teamslam.solver.linear import Factor
 from teamslam.solver.optimise import DEFAULTS, Options, optimise
 from teamslam.solver.rank import fixes
 from teamslam.solver.sharpening import sharpened_start
-from teamslam.solver.solution import Solution, Step
+from teamslam.solver.solution import SAME, Solution, Step
 from teamslam.solver.system import System
 
 FEW = 30  # iterations without the rows at a kink
@@ -34,7 +34,6 @@ ROUNDING = 0.5**53  # of the diagonal of H: each of its numbers is known no bett
 AGAIN = 3  # times, at most, that rows come to a kink
 PATIENCE = 100  # iterations under a loss that does not forgive, which a start is worth
 THERE = 1.0  # [sigmas] from an optimum: a start that is there already
-SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
 
 
 def reach(

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from teamslam.model import Values
 from teamslam.solver.linear import Matrix
 
+SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
 SENSELESS = 3.0  # times its degrees of freedom in cost: what fits costs about one of each
 
 

@@ -138,9 +138,7 @@ class System:
     def cost(self, values: Values) -> float:
         """F at `values`."""
         return float(self._problem.cost(values.state)) + sum(
-            float(table.loss.cost(np.sum(table.whitened(values) ** 2, -1)).sum())
-            for table in self.tables
-            if not table.row.native
+            table.cost(values) for table in self.tables if not table.row.native
         )
 
     def retract(self, values: Values, delta: Array) -> Values:

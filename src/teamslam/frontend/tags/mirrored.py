@@ -81,4 +81,5 @@ def stands(values: Values, table: Table) -> BoolArray:
 
 
 def cost_of(values: Values, tables: Sequence[Table]) -> float:
-    return sum(float(table.loss.cost(np.sum(table.whitened(values) ** 2, -1)).sum()) for table in tables if len(table))
+    """What rows cost at `values`."""
+    return sum(table.cost(values) for table in tables)

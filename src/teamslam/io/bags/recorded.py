@@ -124,6 +124,7 @@ def _calibrated(camera: CameraEntry, folder: Path, recording: Recording | None) 
         raise InputError(
             "only a topic of camera_info says what rectified images are like; of a file give the calibration of these, "
             "without distortion, and leave `rectified` out",
+            path=folder / camera.calibration,
             field="robot.camera.rectified",
         )
     topics = () if recording is None else (camera.tags or camera.images,)

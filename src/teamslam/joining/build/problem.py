@@ -37,13 +37,12 @@ from teamslam.model import (
     is_pose,
     robot_of,
 )
-from teamslam.solver import Options, Solution, Step, System, firm, optimise
+from teamslam.solver import SAME, Options, Solution, Step, System, firm, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
 TURNS = 4  # times that tags are turned, where turning some shows others
 SWINGS = 8  # parts that are swung about the tags that they hang on
-SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,10 @@ import numpy as np
 
 from teamslam.joining.join.join import Joined
 from teamslam.model import Submap
+from teamslam.solver import SAME
 
 MOST = 24  # looks at a choice together with all else
 FEW = 6  # of choices that fall back alone
-SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one
 
 
 Excess = Callable[[Joined, Submap], float]

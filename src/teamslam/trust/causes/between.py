@@ -160,8 +160,7 @@ def unlikely_at(tables: Sequence[Table], values: Values) -> float:
 
 def cost_at(tables: Iterable[Table], values: Values) -> float:
     """Of the rows whose poses are known."""
-    known = told_by(tables, values.layout)
-    return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in known)
+    return sum(table.cost(values) for table in told_by(tables, values.layout))
 
 
 def _of_all(team: _Team, robot: int) -> Iterator[Mistake]:

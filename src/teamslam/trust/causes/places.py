@@ -23,7 +23,7 @@ from teamslam.trust.residuals import Rows, beside_median
 from teamslam.trust.tally import by_landmark
 
 SUSPECT, EXCESS = 3.0, 50.0  # times the expected cost, and how much above it, from which a landmark is looked at
-MISSES = 5  # landmarks that are not in two places, beside one more for each that is
+MOST = 5  # landmarks are looked at, and two more for each that is found
 FEWEST = 6  # rows in each of two places
 CLEAN = 4.0  # times the median of chi-square: what rows that belong together stay below
 FAR = (
@@ -63,15 +63,16 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows], *, all_of_it:
     tables = told_by(log.tables, values.layout)
     found: list[Cause] = []
     tried: set[int] = set()
-    misses, before = 0, _cost(tables, values)
-    while misses < MISSES + len(found):
+    before = _cost(tables, values)
+    looks = 0
+    while looks < MOST + 2 * len(found):
         excess = {mark: _cost(_of([mark], tables), values) - due for mark, due in expected.items()}
         bad = [m for m, e in excess.items() if m not in tried and e > EXCESS and e > (SUSPECT - 1.0) * expected[m]]
         if not bad:
             break
         mark = max(bad, key=lambda m: excess[m])
         tried.add(mark)
-        misses += 1
+        looks += 1
         split = _divided(tables, values, mark)
         settled = _in_both(split, values, tables, joined) if split is not None else None
         if settled is None:
@@ -83,7 +84,7 @@ def two_places(log: Dataset, joined: Submap, rows: Sequence[Rows], *, all_of_it:
             split = replace(split, places=(where[0], where[1]))
             found.append(_in_words(split, tables, log.names, min(gone / excess[mark], 1.0)))
             values, tables = solved
-            tried, misses = {mark}, misses - 1
+            tried = {mark}
     due = sum(float(row.expected.sum()) for row in rows)
     explained = before - _cost(tables, values) > EXPLAINED * (before - due)
     return found if explained or not all_of_it else []
@@ -252,7 +253,7 @@ def _twin(values: Values, split: Split) -> Values:
 
 
 def _cost(tables: Sequence[Table], values: Values) -> float:
-    return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in tables if len(t))
+    return sum(table.cost(values) for table in tables)
 
 
 def _in_words(split: Split, tables: Sequence[Table], names: Names, explains: float) -> Cause:

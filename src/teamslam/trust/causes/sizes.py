@@ -142,7 +142,7 @@ def _solved(tables: Sequence[Table], values: Values, fixed: IntArray) -> tuple[S
 
 
 def _cost(tables: Sequence[Table], values: Values) -> float:
-    return sum(float(t.loss.cost(np.sum(t.whitened(values) ** 2, -1)).sum()) for t in tables if len(t))
+    return sum(table.cost(values) for table in tables)
 
 
 def _by_size(log: Dataset, mark: int | IntArray, size: float) -> Dataset:

@@ -1,7 +1,7 @@
 """Rows of the world (GPS, a survey) that were written in other units than metres, mirrored, or in a world of their own.
 
 They bend a map as a whole, so they are compared with one that is made `blind`, without any of them: it is right but for
-where it lies. Each group of rows (a robot's of one source) is laid upon it by a rigid motion,
+where it lies. Each group of rows (a robot's of one kind) is laid upon it by a rigid motion,
 
     as written; with its lengths in other units; with left and right exchanged; with both,
 
@@ -9,8 +9,8 @@ and where one of these leaves far less of its own size than the first, it is wha
 map each, but by different motions, are of different worlds. How the axes of a world are turned belongs to the motion:
 nobody can tell x for y from x for -y.
 
-What is found is told if all rows, solved from there, cost what they should and otherwise do not. Bound: one join of the
-log without these rows, and two solves of all of it.
+What is found is told if most of what all rows cost too much is gone with it. Bound: one join of the log without these
+rows, and two solves of all of it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,10 +40,18 @@ ROBUST = Loss("huber", 3.0)
 QUICK = Options(max_iterations=25, decrement=0.05, elsewhere=False)
 
 
+Name = tuple[int, tuple[str, str, int]]
+
+
+def name_of(table: Table) -> Name:
+    """The robot and kind of a table."""
+    return table.robot, table.kind
+
+
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The rows of the world in one table `as_written`, read `by` slips that are undone, and where the blind map has
-    them (`places`, m by dim); that may be moved in as many dimensions as robots `move`."""
+    """Rows of the world `as_written`, read `by` slips that are undone, and where the blind map has them (`places`, m by
+    dim); that may be moved in as many dimensions as robots `move`."""
 
     as_written: Table
     places: Array
@@ -57,6 +65,11 @@ class Group:
         for slip in self.by:
             table = slip.undone(table)
         return table
+
+    @property
+    def name(self) -> Name:
+        """Whose they are, and of which kind: who wrote these wrote others of this name alike."""
+        return name_of(self.as_written)
 
     @property
     def goals(self) -> Array:
@@ -109,11 +122,12 @@ def mistakes_in_the_world(log: Dataset) -> list[Cause]:
 
 
 def _in_one_map(log: Dataset, values: Values) -> list[Cause]:
-    written = list(_groups(log, values))
+    """What is wrong with the rows of the world that speak of one map."""
+    written = list({group.name: group for group in sorted(_groups(log, values), key=_rows)}.values())
     if not written:
         return []
     meant = [_as_meant(group) for group in written]
-    main = max(meant, key=lambda group: len(group.places))
+    main = max(meant, key=_rows)
     slipped = [group for group in meant if group.by]
     apart = [group for group in meant if group.off(main.motion) > APART * group.off(group.motion)]
     if not slipped and not apart:
@@ -131,6 +145,10 @@ def _groups(log: Dataset, values: Values) -> Iterator[Group]:
             told = table.select(table.told_by(values.layout) & (table.ranks >= table.dim))
             if len(told) >= FEWEST + table.dim:
                 yield Group(told, told.predict(values)[:, : told.dim], min(move, told.dim))
+
+
+def _rows(group: Group) -> int:
+    return len(group.places)
 
 
 def _as_meant(written: Group) -> Group:
@@ -195,7 +213,7 @@ def _slips_in_words(found: Sequence[Group], names: Names) -> Iterator[Cause]:
         off = f"{one.off(one.motion):.2g} m off so, and {replace(one, by=()).left:.0%} of their extent as written"
         said = f"{_whose(same, names)}: {looks}; beside the map that is made without them they are {off}"
         kind = "unit" if any(slip.kind == "unit" for slip in one.by) else "axes"
-        mends = {(g.as_written.robot, g.as_written.source, g.as_written.model): g.by for g in same}
+        mends = {group.name: group.by for group in same}
         yield Cause(kind, said, 0.0, tuple(sorted({g.as_written.robot for g in same})), partial(_undone, mends=mends))
 
 
@@ -206,17 +224,14 @@ MIRRORED = (
 
 
 def _apart_in_words(group: Group, main: Group, names: Names) -> Cause:
-    between = main.motion @ group.motion.inverse()
-    table, way = (
-        group.as_written,
-        main.motion.act(group.places[:, : group.move].mean(0)) - group.goals[:, : group.move].mean(0),
-    )
+    middle = group.places[:, : group.move].mean(0)
+    way = float(np.linalg.norm(main.motion.act(middle) - group.motion.act(middle)))
     said = (
         f"{_whose([group], names)} are of another world than {_whose([main], names)}: each fits the map that is made "
-        f"without them ({group.off(group.motion):.2g} m off), and they lie {np.linalg.norm(way):,.6g} m from each other"
+        f"without them ({group.off(group.motion):.2g} m off), and they lie {way:,.6g} m from each other"
     )
-    which = {(table.robot, table.source, table.model)}
-    return Cause("frame", said, 0.0, (table.robot,), partial(_moved, which=which, motion=between))
+    mend = partial(_moved, which=group.name, motion=main.motion @ group.motion.inverse())
+    return Cause("frame", said, 0.0, (group.as_written.robot,), mend)
 
 
 def _whose(groups: Sequence[Group], names: Names) -> str:
@@ -224,22 +239,22 @@ def _whose(groups: Sequence[Group], names: Names) -> str:
     return f"{names.these(robots)}, {rows_called(groups[0].as_written.source)}"
 
 
-def _undone(log: Dataset, mends: dict[tuple[int, str, str], tuple[Slip, ...]]) -> Dataset:
+def _undone(log: Dataset, mends: dict[Name, tuple[Slip, ...]]) -> Dataset:
     """The log without slips in some of its tables."""
 
     def meant(table: Table) -> Table:
-        for slip in mends.get((table.robot, table.source, table.model), ()) if table.row.unary else ():
+        for slip in mends.get(name_of(table), ()):
             table = slip.undone(table)
         return table
 
     return log.with_tables(map(meant, log.tables))
 
 
-def _moved(log: Dataset, which: set[tuple[int, str, str]], motion: Pose) -> Dataset:
+def _moved(log: Dataset, which: Name, motion: Pose) -> Dataset:
     """The log with some of its rows of the world moved."""
 
     def moved(table: Table) -> Table:
-        if not table.row.unary or (table.robot, table.source, table.model) not in which:
+        if name_of(table) != which:
             return table
         way = motion.lift(table.dim)
         if table.model == "position":
