@@ -26,7 +26,7 @@ from teamslam.trust import (
     suspicions,
     wrong_sightings,
 )
-from teamslam.trust.calibration import Calibration, as_stated, calibrate
+from teamslam.trust.calibration import Calibration, as_stated, calibrate, rows_inside
 from teamslam.trust.causes.cut import Cut
 from teamslam.trust.causes.jumps import jumps
 from teamslam.trust.mounts import misplaced
@@ -157,13 +157,14 @@ def once_more(
     submaps: Sequence[Submap],
     joined: Joined,
     clock: Clock,
-) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
-    """The map of the log put right, from the map there is."""
+) -> tuple[list[Dataset], tuple[Submap, ...], Joined, Calibration]:
+    """The map of the log put right, from the map there is; and the calibration as that map holds it."""
     right, near = calibration.put_right(log), _moved(joined, calibration)
     clock.start("once more, put right")
     if config.method == "full":
         again = full(right, initial=near, options=config.solver)
-        return [], (), with_books(right, _carrying(again, calibration, right), _unbuilt(joined, again, right), ())
+        again, held = _carrying(again, calibration, right)
+        return [], (), with_books(right, again, _unbuilt(joined, again, right), ()), held
     whole = pairs(pieces or pieces_of(log, config), submaps)
     clock.start("once more, put right", len(whole))
     right_pieces = [calibration.put_right(piece) for piece, _ in whole]
@@ -181,11 +182,14 @@ def once_more(
             max_rounds=config.join.max_rounds,
             options=config.solver,
         )
-        again = _carrying(again, calibration, right)
+        again, held = _carrying(again, calibration, right)
     else:
-        built = [calibration.carried_by(submap, piece) for submap, piece in zip(built, pieces, strict=True)]
-        again = _joined_again(built, near, config)
-    return pieces, tuple(built), with_books(right, again, [*made, *_unbuilt(joined, again, right)], remarks)
+        parts = [(submap, rows_inside(submap, piece)) for submap, piece in zip(built, pieces, strict=True)]
+        built = [calibration.carried_by(submap, rows) for submap, rows in parts]
+        again, held = _joined_again(built, near, config), calibration
+        for component in again.components:
+            held = held.held_by(component.map, parts)
+    return pieces, tuple(built), with_books(right, again, [*made, *_unbuilt(joined, again, right)], remarks), held
 
 
 def _built_from(start: Values, piece: Dataset, config: Config) -> tuple[Submap, str] | Unbuilt:
@@ -225,7 +229,12 @@ def _moved(joined: Joined, calibration: Calibration) -> Joined:
     return replace(joined, components=tuple(moved))
 
 
-def _carrying(joined: Joined, calibration: Calibration, log: Dataset) -> Joined:
-    """Maps with the systematic errors of their measurements among their variables."""
-    carried = (replace(c, map=calibration.carried_by_all(c.map, log.tables)) for c in joined.components)
-    return replace(joined, components=tuple(carried))
+def _carrying(joined: Joined, calibration: Calibration, log: Dataset) -> tuple[Joined, Calibration]:
+    """Maps with the systematic errors of their measurements among their variables, and the calibration as they hold
+    it."""
+    held, components = calibration, []
+    for component in joined.components:
+        rows = AtMap(log.tables, component.map).tables
+        components.append(replace(component, map=calibration.carried_by(component.map, rows)))
+        held = held.held_by(components[-1].map, [(component.map, rows)])
+    return replace(joined, components=tuple(components)), held

@@ -157,7 +157,8 @@ def _told(
             clock.start("suspicions")
             suspected = suspicions(log, submaps, joined) if seen is None else seen
         try:
-            pieces, submaps, joined = once_more(log, config, calibration, pieces, submaps, joined, clock)
+            pieces, submaps, joined, held = once_more(log, config, calibration, pieces, submaps, joined, clock)
+            calibration = held
             if suspected is not None and suspects and submaps:
                 suspected = suspected.once_put_right(submaps, joined)
             joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))

@@ -10,6 +10,7 @@ from teamslam.model import Dataset, Submap
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
 from teamslam.trust.calibration.calibrate import Calibration, calibrate
+from teamslam.trust.calibration.carried import rows_inside
 
 
 def honest(submap: Submap, piece: Dataset, *, options: Options = DEFAULTS) -> tuple[Submap, Calibration]:
@@ -23,4 +24,4 @@ def honest(submap: Submap, piece: Dataset, *, options: Options = DEFAULTS) -> tu
         return submap, Calibration()
     right = found.put_right(piece)
     again, _ = build_with_solution(right, version=submap.version, options=options, near=found.start_of(submap))
-    return found.carried_by(again, right), found
+    return found.carried_by(again, rows_inside(again, right)), found

@@ -1,14 +1,14 @@
 """What the data show to be wrong with the model of the data, in one record, and the log put right by it."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap
 from teamslam.model import Dataset, Names, Submap, Table, Values
-from teamslam.trust.calibration.carried import carrying, rows_inside
+from teamslam.trust.calibration.carried import carrying, held
 from teamslam.trust.calibration.changed import Change, put_right
 from teamslam.trust.calibration.estimate import Estimate, changes_of, estimate, systematic_of
 from teamslam.trust.calibration.persistence import Persistence
@@ -91,17 +91,22 @@ class Calibration:
                 return moved.seen_from(moved.pose(submap.base), layout) if submap.base >= 0 else moved.only(layout.keys)
         return values
 
-    def carried_by(self, submap: Submap, piece: Dataset) -> Submap:
-        """The submap of a piece that was put right, with systematic errors among its variables (see `carried`)."""
-        return carrying(submap, rows_inside(submap, piece), self.systematic, self.changes)
+    def carried_by(self, submap: Submap, rows: Sequence[Table]) -> Submap:
+        """The submap of `rows` that were put right, with systematic errors among its variables (see `carried`)."""
+        return carrying(submap, rows, self.systematic, self.changes)
 
     def at(self, map: Submap, log: Dataset) -> AtMap:
         """The log put right, at a map of it."""
         return PutRight(self.put_right(log).tables, map, self.changes)
 
-    def carried_by_all(self, map: Submap, tables: Iterable[Table]) -> Submap:
-        """The same of a map of all measurements."""
-        return carrying(map, AtMap(list(tables), map).tables, self.systematic, self.changes)
+    def held_by(self, map: Submap, parts: Iterable[tuple[Submap, Sequence[Table]]]) -> "Calibration":
+        """The same with systematic errors as a map holds them, which has moved on with them: its own or those of each
+        submap that went into it, with the rows that carry them."""
+        changes = self.changes
+        for submap, tables in parts:
+            for error, value in held(map, submap, tables, self.systematic):
+                changes = tuple(change.further(error.by(value - error.value), tables) for change in changes)
+        return replace(self, changes=changes)
 
 
 def calibrate(at: Sequence[AtMap]) -> Calibration:

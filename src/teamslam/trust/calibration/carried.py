@@ -21,7 +21,7 @@ import scipy.sparse as sp
 
 from teamslam.geometry import Array
 from teamslam.joining.build.problem import gaussian_part
-from teamslam.model import Dataset, Submap, Table, Values, parameter_keys, point_kind, robot_of
+from teamslam.model import Dataset, Kind, Submap, Table, Values, parameter_keys, point_kind, robot_of
 from teamslam.solver import Factor
 from teamslam.trust.calibration.changed import Change, beyond, differing
 from teamslam.trust.calibration.rows import linearised
@@ -40,8 +40,7 @@ def carrying(
     """
     given = submap.all_values if submap.base >= 0 else submap.values
     submap, step = sharpened(submap, tables, changes)
-    touched = [(table, [error.on(table) for error in known]) for table in tables if len(table)]
-    mine = [j for j in range(len(known)) if any(effects[j] is not None for _, effects in touched)]
+    touched, mine = _touched(tables, known)
     if not mine:
         return submap
     prior = np.array([known[j].prior for j in mine])
@@ -71,6 +70,37 @@ def carrying(
     return bordered(submap, cross, own, slope, mean)
 
 
+def held(
+    map: Submap, submap: Submap, tables: Sequence[Table], known: Sequence[Systematic]
+) -> list[tuple[Systematic, float]]:
+    """The systematic errors that a submap carries, of rows `tables`, with what each is, in its unit, in a map that it
+    went into; none where the map holds none of them."""
+    _, mine = _touched(tables, known)
+    kind = _points_of(submap)
+    keys = np.sort(parameter_keys(submap.id, -(-len(mine) // kind.dim)))
+    values = map.all_values if map.base >= 0 else map.values
+    if not mine or not values.layout.contains(keys).all():
+        return []
+    dim = Kind(int(values.layout.kinds[values.layout.index(int(keys[0]))])).dim
+    points = values.positions(keys, dim)
+    if submap.base >= 0:
+        points = values.pose(submap.base).lift(dim).unact(points)[:, : kind.dim]
+    return [(known[j], value * known[j].prior) for j, value in zip(mine, points.ravel().tolist(), strict=False)]
+
+
+def _touched(
+    tables: Sequence[Table], known: Sequence[Systematic]
+) -> tuple[list[tuple[Table, list[Array | None]]], list[int]]:
+    """Tables with what each systematic error does to their rows, and which errors are of any."""
+    touched = [(table, [error.on(table) for error in known]) for table in tables if len(table)]
+    return touched, [j for j in range(len(known)) if any(effects[j] is not None for _, effects in touched)]
+
+
+def _points_of(submap: Submap) -> Kind:
+    """What systematic errors travel as beside a submap's variables."""
+    return point_kind(2 + int((submap.values.layout.kinds % 2).max(initial=0)))
+
+
 def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> tuple[Submap, Array]:
     """The submap of rows that were put right, by what those that follow each other say of how they differ as well: its
     information, and its estimate one step (dof,) further, at the optimum over both. Itself where they say nothing of
@@ -95,7 +125,8 @@ def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
 
 def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
     """The submap with p beside its variables, at the optimum over both."""
-    dim = 2 + int((submap.values.layout.kinds % 2).max(initial=0))
+    kind = _points_of(submap)
+    dim = kind.dim
     count = -(-len(values) // dim)
     spare = count * dim - len(values)
     cross = np.pad(cross, ((0, 0), (0, spare)))
@@ -107,7 +138,7 @@ def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Arr
     layout = submap.values.layout
     moved = submap.values.retract(-(followed @ shift))
     keys = np.sort(parameter_keys(submap.id, count))
-    points = Values.of({point_kind(dim): (keys, (values + shift).reshape(count, dim))})
+    points = Values.of({kind: (keys, (values + shift).reshape(count, dim))})
     both = moved.update(points)
     order = np.concatenate([both.layout.unknowns(layout.keys), both.layout.unknowns(keys)])
     whole = sp.csr_array(

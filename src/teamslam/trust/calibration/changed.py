@@ -9,7 +9,7 @@ weighed so are under no loss, and their map is found in a few steps. Rows keep t
 cut, built, joined and sent as any other.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +38,15 @@ class Change:
         """Whether it is about this table's rows."""
         mine = self.rows
         return (mine.robot, mine.kind) == (table.robot, table.kind)
+
+    def further(self, effect: Callable[[Table], Array | None], tables: Iterable[Table]) -> "Change":
+        """The same with what an `effect` does to those of its rows that are in `tables` taken out as well."""
+        more = effect(self.rows)
+        if more is None:
+            return self
+        ids = [table.ids for table in tables if self.of(table)]
+        inside = np.isin(self.rows.ids, np.concatenate(ids)) if ids else np.zeros(len(self.rows), bool)
+        return replace(self, shift=self.shift + more * inside[:, None])
 
     def apply(self, table: Table, *, weigh: bool) -> Iterator[Table]:
         """The table's rows put right, each as it is alone, or, to `weigh` them, by what it counts. Rows that nothing is
