@@ -2,7 +2,7 @@
 with its noise."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -149,6 +149,18 @@ def completed(dataset: Dataset, joined: Joined) -> tuple[Dataset, tuple[str, ...
     return dataset, tuple(words)
 
 
+@dataclass(frozen=True, eq=False)
+class Again:
+    """A log put right and mapped once more: its `pieces`, their `submaps` and what these make together (`of_submaps`);
+    the map `joined`, which all rows and their systematic errors have a say in, and the `calibration` as it holds it."""
+
+    pieces: list[Dataset]
+    submaps: tuple[Submap, ...]
+    of_submaps: Joined
+    joined: Joined
+    calibration: Calibration
+
+
 def once_more(
     log: Dataset,
     config: Config,
@@ -157,14 +169,14 @@ def once_more(
     submaps: Sequence[Submap],
     joined: Joined,
     clock: Clock,
-) -> tuple[list[Dataset], tuple[Submap, ...], Joined, Calibration]:
-    """The map of the log put right, from the map there is; and the calibration as that map holds it."""
+) -> Again:
+    """The map of the log put right, from the map there is."""
     right, near = calibration.put_right(log), _moved(joined, calibration)
     clock.start("once more, put right")
     if config.method == "full":
         again = full(right, initial=near, options=config.solver)
         again, held = _carrying(again, calibration, right)
-        return [], (), with_books(right, again, _unbuilt(joined, again, right), ()), held
+        return Again([], (), again, with_books(right, again, _unbuilt(joined, again, right), ()), held)
     whole = pairs(pieces or pieces_of(log, config), submaps)
     clock.start("once more, put right", len(whole))
     right_pieces = [calibration.put_right(piece) for piece, _ in whole]
@@ -182,14 +194,15 @@ def once_more(
             max_rounds=config.join.max_rounds,
             options=config.solver,
         )
-        again, held = _carrying(again, calibration, right)
+        further, held = _carrying(again, calibration, right)
     else:
-        parts = [(submap, rows_inside(submap, piece)) for submap, piece in zip(built, pieces, strict=True)]
-        built = [calibration.carried_by(submap, rows) for submap, rows in parts]
-        again, held = _joined_again(built, near, config), calibration
-        for component in again.components:
-            held = held.held_by(component.map, parts)
-    return pieces, tuple(built), with_books(right, again, [*made, *_unbuilt(joined, again, right)], remarks), held
+        built = [
+            calibration.carried_by(submap, rows_inside(submap, p)) for submap, p in zip(built, pieces, strict=True)
+        ]
+        again = _joined_again(built, near, config)
+        further, held = _a_step_further(again, calibration, log)
+    with_its_books = with_books(right, further, [*made, *_unbuilt(joined, further, right)], remarks)
+    return Again(pieces, tuple(built), again, with_its_books, held)
 
 
 def _built_from(start: Values, piece: Dataset, config: Config) -> tuple[Submap, str] | Unbuilt:
@@ -230,11 +243,31 @@ def _moved(joined: Joined, calibration: Calibration) -> Joined:
 
 
 def _carrying(joined: Joined, calibration: Calibration, log: Dataset) -> tuple[Joined, Calibration]:
-    """Maps with the systematic errors of their measurements among their variables, and the calibration as they hold
-    it."""
-    held, components = calibration, []
+    """Maps at the optimum of a log that was put right, with the systematic errors of its measurements among their
+    variables, and the calibration as they hold it."""
+    components = []
     for component in joined.components:
-        rows = AtMap(log.tables, component.map).tables
-        components.append(replace(component, map=calibration.carried_by(component.map, rows)))
-        held = held.held_by(components[-1].map, [(component.map, rows)])
-    return replace(joined, components=tuple(components)), held
+        map, calibration = calibration.carried_on(component.map, AtMap(log.tables, component.map).tables)
+        components.append(replace(component, map=map))
+    return replace(joined, components=tuple(components)), calibration
+
+
+def _a_step_further(joined: Joined, calibration: Calibration, log: Dataset) -> tuple[Joined, Calibration]:
+    """Joined maps of a log that was put right, one step of least squares over all rows and systematic errors further,
+    and the calibration as they hold it.
+
+    What travels raw beside the submaps is put right by errors that a join does not doubt, and would claim to know how
+    long a metre is. A map that the rows do not determine, or that costs no less after the step, stays the join.
+    """
+    right, components = calibration.put_right(log), []
+    for component in joined.components:
+        try:
+            here = AtMap(right.tables, component.map)
+            map, held = calibration.carried_on(here.renewed, here.tables)
+            further = held.cost(map, log) < calibration.cost(component.map, log)
+        except SolveError:
+            further = False
+        if further:
+            component, calibration = replace(component, map=map), held
+        components.append(component)
+    return replace(joined, components=tuple(components)), calibration

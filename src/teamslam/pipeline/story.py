@@ -157,10 +157,10 @@ def _told(
             clock.start("suspicions")
             suspected = suspicions(log, submaps, joined) if seen is None else seen
         try:
-            pieces, submaps, joined, held = once_more(log, config, calibration, pieces, submaps, joined, clock)
-            calibration = held
+            right = once_more(log, config, calibration, pieces, submaps, joined, clock)
+            pieces, submaps, joined, calibration = right.pieces, right.submaps, right.joined, right.calibration
             if suspected is not None and suspects and submaps:
-                suspected = suspected.once_put_right(submaps, joined)
+                suspected = suspected.once_put_right(submaps, right.of_submaps)
             joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))
         except SolveError as error:
             calibration = None

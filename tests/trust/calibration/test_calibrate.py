@@ -8,7 +8,7 @@ import pytest
 
 from teamslam.config import Config
 from teamslam.io import read
-from teamslam.model import Dataset, is_parameter, is_pose, robot_of
+from teamslam.model import Dataset, is_landmark, is_parameter, is_pose, robot_of
 from teamslam.pipeline import Result, run
 from teamslam.trust.calibration import Calibration
 from trust.calibration.faulty import SCALE, VEER_RAD, long_steps, misstated, offset, persistent, team, veering
@@ -47,6 +47,22 @@ def test_an_offset_of_every_robots_ranges_is_found(method: str) -> None:
         off += [(e.value - lengths[robot]) / e.sigma for robot, e in found.items()]
     assert BAND[0] < _nees(results) < BAND[1]
     assert len(off) >= 6 and np.sqrt(np.mean(np.square(off))) < 2.0
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_join_put_right_is_as_sure_as_full_least_squares(seed: int) -> None:
+    """What robots saw of each other travels raw, put right by errors that a join does not doubt; the map does."""
+    log, _ = offset(team(seed), np.random.default_rng(seed))
+    places, covariances = [], []
+    for method in ("full", "join"):
+        map = run(log, Config(method=method)).map
+        keys = map.values.layout.keys[is_landmark(map.values.layout.keys)]
+        at = map.values.layout.unknowns(keys)
+        places.append(map.values.positions(keys, 2).ravel())
+        covariances.append(np.linalg.inv(map.information.toarray())[np.ix_(at, at)])
+    apart = places[1] - places[0]
+    assert np.sqrt(apart @ np.linalg.solve(covariances[0], apart) / len(apart)) < 0.01
+    assert np.trace(covariances[1]) == pytest.approx(np.trace(covariances[0]), rel=0.005)
 
 
 def test_odometry_that_is_too_long_is_found() -> None:

@@ -9,7 +9,7 @@ one solve, since sums over robots are sums.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,6 +78,13 @@ class AtMap:
     def gap(self) -> Gap:
         """The gap there. Raises SolveError where these rows do not determine the map."""
         return gap_at(self.values, self.tables, self.joined)
+
+    @property
+    def renewed(self) -> Submap:
+        """The map as these rows have it where it is: with their information, whatever it was made of. Raises SolveError
+        where they do not determine it."""
+        values = self.values.only(self.gap.free.keys)
+        return replace(self.joined, values=values, information=self.gap.hessian.to_csr())
 
     def __len__(self) -> int:
         """How many rows are in the map."""

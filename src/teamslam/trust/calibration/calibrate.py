@@ -1,15 +1,16 @@
 """What the data show to be wrong with the model of the data, in one record, and the log put right by it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from teamslam.errors import SolveError
-from teamslam.joining import AtMap
+from teamslam.joining import AtMap, cost_of
+from teamslam.joining.exact.gap import frame_of, point_of, rows_in
 from teamslam.model import Dataset, Names, Submap, Table, Values
 from teamslam.trust.calibration.carried import carrying, held
-from teamslam.trust.calibration.changed import Change, put_right
+from teamslam.trust.calibration.changed import Change, beyond, put_right
 from teamslam.trust.calibration.estimate import Estimate, changes_of, estimate, systematic_of
 from teamslam.trust.calibration.persistence import Persistence
 from teamslam.trust.calibration.sigmas import Sigmas, sigmas_of
@@ -99,14 +100,25 @@ class Calibration:
         """The log put right, at a map of it."""
         return PutRight(self.put_right(log).tables, map, self.changes)
 
-    def held_by(self, map: Submap, parts: Iterable[tuple[Submap, Sequence[Table]]]) -> "Calibration":
-        """The same with systematic errors as a map holds them, which has moved on with them: its own or those of each
-        submap that went into it, with the rows that carry them."""
+    def carried_on(self, map: Submap, rows: Sequence[Table]) -> tuple[Submap, "Calibration"]:
+        """The map of all `rows`, put right, with their systematic errors among its variables, and the calibration as
+        that map holds it: it has moved on with them."""
+        carries = self.carried_by(map, rows)
+        moved = held(carries, rows, self.systematic)
         changes = self.changes
-        for submap, tables in parts:
-            for error, value in held(map, submap, tables, self.systematic):
-                changes = tuple(change.further(error.by(value - error.value), tables) for change in changes)
-        return replace(self, changes=changes)
+        for error, value in moved:
+            changes = tuple(change.further(error.by(value - error.value), rows) for change in changes)
+        values = {id(error): value for error, value in moved}
+        systematic = tuple(replace(error, value=values.get(id(error), error.value)) for error in self.systematic)
+        return carries, replace(self, changes=changes, systematic=systematic)
+
+    def cost(self, map: Submap, log: Dataset) -> float:
+        """What a log that is put right costs at a map of it, beside what the systematic errors themselves do:
+        sum |W'' e|^2 + sum |D e|^2 + sum |p / prior|^2."""
+        tables, values = self.put_right(log).tables, point_of(map)
+        told = beyond(rows_in(map, tables), self.changes, values, frame_of(map), map.names)
+        errors = sum((error.value / error.prior) ** 2 for error in self.systematic)
+        return cost_of(map, tables).cost + (0.0 if told is None else told[2]) + errors
 
 
 def calibrate(at: Sequence[AtMap]) -> Calibration:

@@ -1,13 +1,13 @@
 """Systematic errors as variables of a submap: its information says what is known of them, and joining carries it.
 
-At the optimum of rows that were put right, H = J'W'WJ holds the map as if the errors p were known. With them as
+Where rows that were put right are linearised, H = J'W'WJ holds the map as if the errors p were known. With them as
 variables the information is
 
     [ H    B ]                               B = J'W'WD,   S = D'W'WD,   units in which the prior is 1
     [ B'  S+1]
 
-whose marginal over the map is H - B (S + 1)^-1 B'. The submap's estimate moves to its own optimum over both: one step,
-as p enters linearly.
+whose marginal over the map is H - B (S + 1)^-1 B'. The submap's estimate moves to the optimum over both, by one step of
+least squares from wherever it is: p enters linearly.
 
 Joining knows poses and points. So p travels as points that the submap's frame carries, two or three numbers each: seen
 from its base they stand at p, wherever the map moves. Their keys are below WORLD: neither pose nor landmark.
@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from teamslam.geometry import Array
 from teamslam.joining.build.problem import gaussian_part
 from teamslam.model import Dataset, Kind, Submap, Table, Values, parameter_keys, point_kind, robot_of
-from teamslam.solver import Factor
+from teamslam.solver import Factor, System
 from teamslam.trust.calibration.changed import Change, beyond, differing
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.systematic import Systematic
@@ -38,6 +38,8 @@ def carrying(
     over these, how they differ and p together. Itself where none of the errors is of its rows, nor any say how they
     differ.
     """
+    if not submap.dof:
+        return submap
     given = submap.all_values if submap.base >= 0 else submap.values
     submap, step = sharpened(submap, tables, changes)
     touched, mine = _touched(tables, known)
@@ -70,22 +72,15 @@ def carrying(
     return bordered(submap, cross, own, slope, mean)
 
 
-def held(
-    map: Submap, submap: Submap, tables: Sequence[Table], known: Sequence[Systematic]
-) -> list[tuple[Systematic, float]]:
-    """The systematic errors that a submap carries, of rows `tables`, with what each is, in its unit, in a map that it
-    went into; none where the map holds none of them."""
+def held(submap: Submap, tables: Sequence[Table], known: Sequence[Systematic]) -> list[tuple[Systematic, float]]:
+    """The systematic errors that a submap of rows `tables` carries, with what each is in it, in its unit."""
     _, mine = _touched(tables, known)
     kind = _points_of(submap)
     keys = np.sort(parameter_keys(submap.id, -(-len(mine) // kind.dim)))
-    values = map.all_values if map.base >= 0 else map.values
-    if not mine or not values.layout.contains(keys).all():
+    if not mine or not submap.values.layout.contains(keys).all():
         return []
-    dim = Kind(int(values.layout.kinds[values.layout.index(int(keys[0]))])).dim
-    points = values.positions(keys, dim)
-    if submap.base >= 0:
-        points = values.pose(submap.base).lift(dim).unact(points)[:, : kind.dim]
-    return [(known[j], value * known[j].prior) for j, value in zip(mine, points.ravel().tolist(), strict=False)]
+    points = submap.values.positions(keys, kind.dim).ravel().tolist()
+    return [(known[j], value * known[j].prior) for j, value in zip(mine, points, strict=False)]
 
 
 def _touched(
@@ -103,15 +98,15 @@ def _points_of(submap: Submap) -> Kind:
 
 def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> tuple[Submap, Array]:
     """The submap of rows that were put right, by what those that follow each other say of how they differ as well: its
-    information, and its estimate one step (dof,) further, at the optimum over both. Itself where they say nothing of
-    it, with no step."""
+    information, and its estimate one step (dof,) of least squares over both further."""
     values = submap.all_values if submap.base >= 0 else submap.values
     held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
     told = beyond(tables, changes, values, held, submap.names)
-    if told is None:
-        return submap, np.zeros(submap.dof)
-    more, slope, _ = told
-    information = sp.csr_array(submap.information + more)
+    slope = System(values.layout, tables=tables, fixed=held, names=submap.names).linearise(values, lazy=True).gradient
+    information = submap.information
+    if told is not None:
+        more, further, _ = told
+        information, slope = sp.csr_array(information + more), slope + further
     step = Factor.of(submap.values.layout, information, submap.names, submap.values).solve(slope)
     return replace(submap, values=submap.values.retract(step), information=information), step
 
