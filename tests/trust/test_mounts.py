@@ -80,3 +80,15 @@ FAULTS = {
 def test_no_sensor_is_said_to_be_elsewhere_for_another_reason(preset: str, fault: str) -> None:
     """Whatever else is wrong with a log, or nothing, is no place of a sensor."""
     assert told(FAULTS[fault](simulate(preset, 7))) == []
+
+
+def test_a_sensor_that_saw_nothing_on_the_stretch_that_is_looked_at_ends_nothing() -> None:
+    """As another's that saw little: what is told is told of those that saw something there."""
+    log = faults.mounted(simulate("2d", 4), (2,), ASIDE)
+    few = log.with_tables(
+        table.select(np.arange(len(table)) >= len(table) - 2)
+        if (table.robot, table.source) == (3, "landmarks")
+        else table
+        for table in log.tables
+    )
+    assert [cause.robots for cause in told(few)] == [(2,)]

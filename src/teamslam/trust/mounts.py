@@ -41,11 +41,11 @@ Sensor = tuple[int, tuple[str, str, int]]
 def misplaced(log: Dataset, rows: Sequence[Rows]) -> list[Cause]:
     """The sensors of a log that sit elsewhere than it states, in words, with what places them; `rows` are what a map
     leaves of it. None of a log that rests on other things that are unknown."""
-    sensors = list(dict.fromkeys(_sensor(table) for table in log.tables if _sees(table)))
-    if not sensors or len(sensors) > MOST or log.unknowns is not None:
+    if not 0 < len(_sensors(log)) <= MOST or log.unknowns is not None:
         return []
     as_it_is = Trial.of(busiest(log, rows))
-    if not as_it_is.optima or as_it_is.loudness < SUSPECT:
+    sensors = _sensors(as_it_is.log)
+    if not sensors or not as_it_is.optima or as_it_is.loudness < SUSPECT:
         return []
     found = settled(Mounts.of(as_it_is.log, sensors), QUICK)
     moved = [] if found is None or found.why else [each.told for each in found.found]
@@ -134,6 +134,11 @@ def _changes(sensors: Sequence[Sensor], log: Dataset, values: Array) -> dict[Sen
 
 def _ends(sensors: Sequence[Sensor]) -> IntArray:
     return np.cumsum([_numbers(sensor) for sensor in sensors])[:-1]
+
+
+def _sensors(log: Dataset) -> list[Sensor]:
+    """Those by which its robots see."""
+    return list(dict.fromkeys(_sensor(table) for table in log.tables if _sees(table)))
 
 
 def _sensor(table: Table) -> Sensor:
