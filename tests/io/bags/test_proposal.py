@@ -85,3 +85,19 @@ def test_of_the_images_of_one_camera_one_is_proposed(tmp_path, topics, proposed_
     (robot,) = tomllib.loads(proposal(contents(recordings.write(tmp_path, "mcap", messages))))["robot"]
     found = [(camera["images"], camera.get("rectified", False)) for camera in robot["camera"]]
     assert found == proposed_ones
+
+
+@pytest.mark.parametrize(("late_s", "told"), [(3.0, 3.0), (-40.0, -40.0), (0.0, None)])
+def test_clocks_of_robots_in_one_recording_are_told_by_when_messages_were_recorded(late_s, told, tmp_path):
+    """All by one clock, 20 ms after they were made; less than half a second is left to runs."""
+    messages = []
+    for k in range(20):
+        now = 10**18 + k * 100_000_000
+        for name, late in (("ann", 0.0), ("ben", late_s)):
+            stamp = now + round(late * 1e9)
+            messages.append(
+                recordings.odometry(f"/{name}/odom", stamp, (0.1 * k, 0.0, 0.0), received_ns=now + 20_000_000)
+            )
+            messages.append(recordings.detections(f"/{name}/tags", stamp, [(3, CORNERS)], now + 20_000_000))
+    robots = tomllib.loads(proposal(contents(recordings.write(tmp_path, "mcap", messages))))["robot"]
+    assert [robot.get("clock", {}).get("offset_s") for robot in robots] == [None, told]

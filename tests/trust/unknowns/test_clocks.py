@@ -5,12 +5,15 @@ import pytest
 from scipy import sparse
 
 import clocks_room
+import tagged_room
 import teamslam as ts
 from teamslam.config import Config
 from teamslam.joining import AtMap, full
 from teamslam.model import is_parameter
 from teamslam.solver import Options
+from teamslam.solver.optimise import DEFAULTS
 from teamslam.trust.calibration.rows import held_at, linearised
+from teamslam.trust.unknowns import settled
 from teamslam.trust.unknowns.effects import Effects
 from teamslam.trust.unknowns.normal import normal_at
 
@@ -82,3 +85,15 @@ def test_step_and_covariance_are_those_of_least_squares_over_map_and_unknowns_to
     sigmas = np.sqrt(np.diag(inverse)[n:])
     np.testing.assert_allclose(found.step[free] / sigmas, step / sigmas, atol=1e-4)
     np.testing.assert_allclose(found.step[found.held], back[found.held])
+
+
+def test_a_clock_that_is_seconds_off_is_found_though_steps_lead_only_so_far(tmp_path):
+    """Further than any first guess looks."""
+    team = tagged_room.write(tagged_room.make(1, 24.0, 2.0), tmp_path / "team")
+    first, name, other = team.read_text().partition('name = "robot1"')
+    stated = "clock = { offset_sigma_s = 0.0, drift_sigma = 0.0 }"
+    assert stated in other
+    team.write_text(first + name + other.replace(stated, "clock = { offset_s = 3.0, drift_sigma = 0.0 }"))
+    found = settled(ts.read(team), DEFAULTS)
+    (clock,) = found.found
+    assert found.settled and abs(clock.value) < 4.0 * clock.sigma < 0.05

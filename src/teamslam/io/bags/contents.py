@@ -28,7 +28,8 @@ LEVEL = 1e-6  # [m], and of a quaternion: what rounding lifts
 class TopicContents:
     """One topic: its name, types, role (see ROLES; '' for what teamslam does not use), and `stamps_s` (n,) as they
     came. `frames` are the names in its headers: (parent, child), '' where there are none. `planar`: an odometry that
-    never leaves the plane, looked at once a second."""
+    never leaves the plane, looked at once a second. `late_s`: by how much its stamps are later than when its messages
+    were recorded, most of the time."""
 
     name: str
     types: tuple[str, ...]
@@ -36,6 +37,7 @@ class TopicContents:
     stamps_s: Array
     frames: tuple[str, str] = ("", "")
     planar: bool = False
+    late_s: float = 0.0
 
     @property
     def steps_s(self) -> Array:
@@ -90,6 +92,7 @@ def contents(path: str | Path | Sequence[str | Path]) -> Contents:
     topic, of odometry one a second, and transforms. Raises InputError where it cannot be opened."""
     with opened(path) as recording:
         stamps: dict[str, list[int]] = {topic: [] for topic in recording.topics}
+        late: dict[str, list[int]] = {topic: [] for topic in recording.topics}
         frames: dict[str, tuple[str, str]] = {}
         looks: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
         heard: dict[str, Broadcast] = {}
@@ -100,6 +103,7 @@ def contents(path: str | Path | Sequence[str | Path]) -> Contents:
         for message in recording.messages(recording.topics):
             role = ROLES.get(message.type)
             stamps[message.topic].append(message.stamp_ns)
+            late[message.topic].append(message.stamp_ns - message.received_ns)
             if message.topic not in frames:
                 frames[message.topic] = _frames(recording, message)
             if role == "odometry":
@@ -116,6 +120,7 @@ def contents(path: str | Path | Sequence[str | Path]) -> Contents:
                 np.array(stamps[name], float) * 1e-9,
                 frames.get(name, ("", "")),
                 _planar([off for _, off in looks.get(name, ())]),
+                float(np.median(late[name])) * 1e-9 if late[name] else 0.0,
             )
             for name, (types, _) in sorted(recording.topics.items())
         ]

@@ -13,11 +13,14 @@ from itertools import takewhile
 from os.path import commonpath
 from pathlib import PurePosixPath
 
+import numpy as np
+
 from teamslam.geometry import Array
 from teamslam.io.bags.contents import Contents, TopicContents
 from teamslam.io.bags.roles import TRUTH
 from teamslam.io.bags.tree import standing_in
 
+CLOCKS_S = 0.5  # between the clocks of robots in one recording: what is less, runs find by themselves
 COMMON = {"tags", "detections", "tag_detections", "image", "image_raw", "image_rect", "image_color", "compressed"}
 
 
@@ -46,6 +49,11 @@ def _proposed(found: Contents, stem: str, folder: str) -> Iterator[str]:
             lines.append(f"odometry = {_text(robot.ways[0].name)}{others}")
             if robot.ways[0].planar:
                 lines.append("# dim = 2  # ? on the ground: this odometry never leaves the plane")
+        if (apart := round(_late(robot) - _late(robots[0]), 2)) and abs(apart) > CLOCKS_S:
+            lines.append(
+                f"clock = {{ offset_s = {apart} }}  # ? by when messages were recorded, its stamps are so much later "
+                f"than those of {robots[0].name}"
+            )
         for truth in _truths(found):
             if len(robots) == 1 or robot.name in truth.name.split("/"):
                 lines.append(f"truth = {_text(truth.name)}  # ? results are scored against it, no map is made by it")
@@ -77,6 +85,11 @@ def _robots(found: Contents, stem: str) -> Iterator[_Robot]:
         return
     for way, space, cameras in zip(ways, spaces, own, strict=True):
         yield _Robot(space, [way], cameras)
+
+
+def _late(robot: _Robot) -> float:
+    """By how much a robot's stamps are later than when they were recorded."""
+    return float(np.median([topic.late_s for topic in (*robot.ways[:1], *robot.cameras)] or [0.0]))
 
 
 def _recording(found: Contents, folder: str) -> str:

@@ -18,7 +18,7 @@ from teamslam.trust.unknowns.normal import Normal, normal_at
 from teamslam.trust.unknowns.scan import scanned, without_meetings
 from teamslam.trust.unknowns.windows import Window, windows_of
 
-ROUNDS = 10
+ROUNDS, MOST_ROUNDS = 10, 25  # with whole steps, and with those that lead only as far as rows can be trusted
 SETTLED = 0.1  # of a sigma
 BACK = 0.25  # of the step before: one that leads back by more went too far, and all are half as long from then on
 TOLD = 0.5  # of the prior: what is not known better than that, the data do not tell
@@ -96,7 +96,8 @@ def _settled(
     most = np.array([unknown.most for unknown in each])
     log, joined = _apart(log, options, adapted) if any(unknown.clock_of for unknown in each) else (log, None)
     share, before = 1.0, np.zeros(len(each))
-    for rounds in range(1, ROUNDS + 1):
+    left = ROUNDS
+    for rounds in range(1, MOST_ROUNDS + 1):
         tell()
         unknowns = _of(log)
         rows = adapted(log)
@@ -108,9 +109,11 @@ def _settled(
             share *= 0.5
         step, before = share * normal.step, normal.step / normal.sigmas
         done = bool((np.abs(step) < SETTLED * normal.sigmas).all())
-        if done or rounds == ROUNDS:
+        whole = min(1.0, float((most / np.maximum(np.abs(step), 1e-300)).min()))
+        left -= whole == 1.0
+        if done or not left or rounds == MOST_ROUNDS:
             break
-        log = unknowns.again(unknowns.values + step * min(1.0, float((most / np.maximum(np.abs(step), 1e-300)).min())))
+        log = unknowns.again(unknowns.values + step * whole)
     if feigned is None and (feigned := _feigned(maps, unknowns, effects, normal)) is not None:
         stated = np.array([unknown.stated for unknown in each])
         again = unknowns.again(np.where(np.isfinite(feigned), stated, unknowns.values))
