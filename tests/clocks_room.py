@@ -11,7 +11,7 @@ from teamslam.frontend.streams import TICKS_PER_S, TagCorners
 from teamslam.frontend.tags.depth import TagDepths, depths_on
 from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.geometry import Pose
-from teamslam.io.bags.first_guess import first_guess
+from teamslam.io.bags.first_guess import first_guess, looks_of
 from teamslam.io.bags.seen import Book, Seen, View
 from teamslam.io.bags.team import Recordings
 from teamslam.io.bags.unknowns import stated_in
@@ -60,7 +60,7 @@ def read(seen, file, path="memory"):
     """The log of what was recorded, as reading a team file gives it."""
     told = tuple(robot.with_tags(file, Book()) for robot in seen)
     recordings = Recordings(file, path, told, stated_in(file, told), (), ())
-    return recordings.log(first_guess(told, recordings.stated))
+    return recordings.log(first_guess(told, recordings.stated, looks_of(told)))
 
 
 def replaced(record, **fields):

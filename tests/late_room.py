@@ -15,7 +15,7 @@ from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.frontend.way_noise import WayNoise
 from teamslam.geometry import Pose
-from teamslam.io.bags.first_guess import first_guess
+from teamslam.io.bags.first_guess import first_guess, looks_of
 from teamslam.io.bags.seen import Book, Seen, View
 from teamslam.io.bags.team import Recordings
 from teamslam.io.bags.team_file import CameraEntry, RobotEntry, Tags, TeamFile, Unsure
@@ -74,7 +74,7 @@ def read(drive, seed, sigma_s=0.3):
     file = TeamFile(tags=Tags(size_m=SIZE), robot=[entry])
     told = (Seen(entry, track, None, (View(camera, CAMERA, seen),), ()).with_tags(file, Book()),)
     recordings = Recordings(file, "memory", told, stated_in(file, told), (), ())
-    return recordings.log(first_guess(told, recordings.stated))
+    return recordings.log(first_guess(told, recordings.stated, looks_of(told)))
 
 
 def _way(rng, drive):

@@ -38,7 +38,15 @@ class Turns:
 
 def turns_between(ticks: IntArray, of: IntArray, rotations: Array) -> Turns:
     """How each thing `of` (m,) that was seen at `ticks` (m,) with `rotations` (m, 3, 3) had turned when it was seen
-    again: between each sighting and the last one that is at most LONGEST_S later, as long turns tell most."""
+    again (see `pairs_between`)."""
+    before, after = pairs_between(ticks, of)
+    turned = np.swapaxes(rotations[before], -1, -2) @ rotations[after]
+    return Turns(ticks[before], ticks[after], np.linalg.norm(so3.log(turned), axis=-1))
+
+
+def pairs_between(ticks: IntArray, of: IntArray) -> tuple[IntArray, IntArray]:
+    """Each sighting (n,) of a thing `of` (m,) that was seen at `ticks` (m,), and the last one (n,) that is at most
+    LONGEST_S later, as long turns tell most."""
     things = np.unique(of)
     begins, ends = [], []
     for thing in things:
@@ -49,9 +57,7 @@ def turns_between(ticks: IntArray, of: IntArray, rotations: Array) -> Turns:
         begins.append(mine[later])
         ends.append(mine[last[later]])
     none = [np.zeros(0, np.int64)]
-    before, after = np.concatenate([*none, *begins]), np.concatenate([*none, *ends])
-    turned = np.swapaxes(rotations[before], -1, -2) @ rotations[after]
-    return Turns(ticks[before], ticks[after], np.linalg.norm(so3.log(turned), axis=-1))
+    return np.concatenate([*none, *begins]), np.concatenate([*none, *ends])
 
 
 def lateness(turns: Turns, track: Track, near_s: float = 0.0) -> float | None:

@@ -5,7 +5,7 @@ robot's clock: how it turned between two sightings of one of its tags by another
 is taken out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,12 +20,20 @@ from teamslam.io.bags.unknowns import CLOCK, DELAY, Stated
 MOST = 3000  # sightings of a camera that are looked at
 
 
-def first_guess(team: Sequence[Seen], stated: Sequence[Stated]) -> Array:
+Looks = Mapping[tuple[int, int], "Look | None"]
+"""What each camera of each robot (their places) saw; None where it saw nothing."""
+
+
+def looks_of(team: Sequence[Seen]) -> Looks:
+    """The sightings of all cameras of a team."""
+    return {(k, j): Look.of(view) for k, robot in enumerate(team) for j, view in enumerate(robot.views)}
+
+
+def first_guess(team: Sequence[Seen], stated: Sequence[Stated], looked: Looks) -> Array:
     """The values (k,) from which to start: as stated, but for clocks and latencies that turns tell clearly."""
     values = np.array([one.unknown.stated for one in stated])
     places = {(one.what, one.robot, one.camera): n for n, one in enumerate(stated)}
     late = {(k, j): values[n] for (what, k, j), n in places.items() if what == DELAY}
-    looked = {(k, j): _Look.of(view) for k, robot in enumerate(team) for j, view in enumerate(robot.views)}
     for (k, j), before in late.items():
         track, look = team[k].track, looked[k, j]
         if track is not None and look is not None:
@@ -38,7 +46,7 @@ def first_guess(team: Sequence[Seen], stated: Sequence[Stated]) -> Array:
     return values
 
 
-class _Look:
+class Look:
     """The sightings (m,) of a camera, some of them where there are many: stamps, tags, whether they are on robots, and
     how they stood in the camera (m, 3, 3)."""
 
@@ -53,7 +61,7 @@ class _Look:
         self.rotations = LOOKING.rotation @ resect(rays, points, white[good]).poses.rotation[:, 0]
 
     @classmethod
-    def of(cls, view: View) -> "_Look | None":
+    def of(cls, view: View) -> "Look | None":
         """Of a camera that saw something."""
         return cls(_some(view)) if len(view.corners) else None
 
@@ -74,7 +82,7 @@ def _some(view: View) -> View:
 def _offset(
     team: Sequence[Seen],
     robot: int,
-    looked: dict[tuple[int, int], _Look | None],
+    looked: Looks,
     late: dict[tuple[int, int], float],
     stated: float,
 ) -> float:

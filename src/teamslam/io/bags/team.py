@@ -20,7 +20,8 @@ from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.identities import Place, places_of_tags
 from teamslam.frontend.tags.reckoned import places_by_way
 from teamslam.geometry import Array, IntArray, Pose, concatenate
-from teamslam.io.bags.first_guess import first_guess
+from teamslam.io.bags.first_guess import first_guess, looks_of
+from teamslam.io.bags.leaning import leaning
 from teamslam.io.bags.looked import Progress
 from teamslam.io.bags.recorded import seen_by
 from teamslam.io.bags.seen import MERGE_S, Book, Seen
@@ -72,8 +73,10 @@ def read(path: Path, options: Mapping[str, object] | None = None, progress: Prog
         book.dropped += robot.dropped
         book.notes += robot.notes
     told = tuple(robot.with_tags(team, book) for robot in seen)
+    looked = looks_of(told)
+    book.notes += leaning(told, looked)
     recordings = Recordings(team, path, told, stated_in(team, told), tuple(book.dropped), tuple(book.notes))
-    return recordings.log(first_guess(told, recordings.stated))
+    return recordings.log(first_guess(told, recordings.stated, looked))
 
 
 @dataclass(frozen=True, eq=False)
