@@ -49,7 +49,9 @@ def test_a_folder_that_is_none(name: str, tmp_path: Path) -> None:
 FILES = {
     "a packed log": ("team.tar.xz", b"\xfd7zXZ\x00\x00", r"compressed \(xz\): unpack it with xz -d"),
     "a zip": ("team.zip", b"PK\x03\x04", "a zip archive: unpack it, and give the folder"),
-    "a bag": ("log.bag", b"#ROSBAG V2.0\n", "a ROS bag: `teamslam info` lists what it holds"),
+    "a bag": ("log.bag.active", b"#ROSBAG V2.0\n", "a ROS bag: .*not closed.*which `rosbag reindex` makes"),
+    "mcap": ("log", b"\x89MCAP0\r\n", "a recording in MCAP: where its name ends in .mcap"),
+    "zstd": ("log.mcap.zstd", b"\x28\xb5\x2f\xfd\0", "compressed \\(zstd\\): unpack it with unzstd"),
     "a database": ("log.db3", b"SQLite format 3\x00", "a database"),
     "a table alone": (
         "odometry.csv",

@@ -42,7 +42,11 @@ MAGIC = {
     b"\x1f\x8b": "compressed (gzip): unpack it with gunzip, and then with tar -xf where it is an archive",
     b"BZh": "compressed (bzip2): unpack it with bunzip2, and then with tar -xf where it is an archive",
     b"PK\x03\x04": "a zip archive: unpack it, and give the folder",
-    b"#ROSBAG": "a ROS bag: `teamslam info` lists what it holds, and proposes a team file; map that",
+    b"\x28\xb5\x2f\xfd": "compressed (zstd): unpack it with unzstd",
+    b"#ROSBAG": "a ROS bag: where its name ends in .bag, `teamslam info` lists what it holds, and proposes a team "
+    "file; one that was not closed (.bag.active) has no index, which `rosbag reindex` makes",
+    b"\x89MCAP0": "a recording in MCAP: where its name ends in .mcap, `teamslam info` lists what it holds, and "
+    "proposes a team file",
     b"SQLite": "a database: of a ROS 2 recording `teamslam info` lists what it holds, and proposes a team file",
     b"\x89HDF": "an HDF5 file (MATLAB 7.3 among others): save MATLAB data again with '-v7'",
     b"MATLAB": "a MATLAB file; of these, I-SLSJF's logs and local maps are read",

@@ -86,6 +86,9 @@ def test_of_several_the_one_of_the_topic_is_taken(tmp_path):
     path.write_text(FILES["kalibr.yaml"])
     assert read_camera(path, None, ["/left/image_raw"]) == CAMERA
     assert read_camera(path, None, ["/right/image_raw"]).model == "equidistant"
+    assert read_camera(path, None, ["/left/tags"]) == CAMERA  # a detector beside it
+    with pytest.raises(InputError, match="say which with calibration_name"):
+        read_camera(path, None, ["/up/tags"])
     with pytest.raises(InputError, match="several cameras, cam0, cam1; say which with calibration_name"):
         read_camera(path)
     with pytest.raises(InputError, match="no camera 'cam7'; this file has cam0, cam1"):

@@ -71,6 +71,27 @@ def test_where_the_camera_is_stands_in_what_is_proposed(tmp_path, kind):
     assert (Rotation.from_quat([x, y, z, w]).inv() * mast * lean).magnitude() < 1e-7
 
 
+def test_a_way_without_a_frame_is_of_the_body_that_cameras_stand_in(tmp_path):
+    """PoseStamped names no child."""
+    messages = [message for message in driven("mcap") if message[0] != "/tf"]
+    messages += [pose_stamped("/vio", START + k * STEP, (0.1 * k, 0.0, 0.0)) for k in range(60)]
+    text = proposal(contents(recordings.write(tmp_path, "mcap", messages)))
+    (robot,) = tomllib.loads(text)["robot"]
+    assert robot["odometry"] == "/vio" and "# ? optical in base_link, by tf" in text
+    np.testing.assert_allclose(robot["camera"][0]["xyz_m"][2], 0.6)
+
+
+def pose_stamped(topic, stamp_ns, place):
+    def make(store, header):
+        types = store.types
+        where = types["geometry_msgs/msg/Point"](*map(float, place))
+        turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        pose = types["geometry_msgs/msg/Pose"](where, turn)
+        return types["geometry_msgs/msg/PoseStamped"](header(stamp_ns, "odom"), pose)
+
+    return topic, "geometry_msgs/msg/PoseStamped", stamp_ns, make
+
+
 def test_beside_a_topic_of_odometry_no_transform_is_proposed(tmp_path):
     found = contents(recordings.write(tmp_path, "mcap", driven("mcap", odometry=["/wheels"])))
     (robot,) = tomllib.loads(proposal(found))["robot"]

@@ -6,7 +6,7 @@ A file that holds several cameras is asked for the one whose topic is at hand, o
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,20 +32,27 @@ NUMBERS = ("distortion_coefficients", "distCoeffs", "cameraExtrinsics", "D", "d"
 
 
 def read_camera(path: Path, name: str | None = None, topics: Sequence[str] = ()) -> Camera:
-    """The camera in a calibration file; of several the one called `name`, else that of one of the `topics`. InputError
-    where the file holds none, or none of these."""
+    """The camera in a calibration file; of several the one called `name`, else that of one of the `topics`, or of one
+    beside it (/left/tags, /left/image_raw). InputError where the file holds none, or none of these."""
     table = parsed(path)
     several = {k: v for k, v in table.items() if isinstance(v, Mapping) and "intrinsics" in v}
     if not several:
         return _camera(table, path)
     if name is not None and name not in several:
         raise InputError(f"there is no camera '{name}'; this file has {', '.join(several)}", path=path)
-    fitting = [k for k, v in several.items() if {v.get("rostopic"), v.get("tagtopic")} & set(topics)]
+    own = {k: {str(v[key]) for key in ("rostopic", "tagtopic") if key in v} for k, v in several.items()}
+    fitting = [k for k, theirs in own.items() if theirs & set(topics)]
+    fitting = fitting or [k for k, theirs in own.items() if _folders(theirs) & _folders(topics)]
     if name is None and len(fitting) != 1 and len(several) > 1:
         raise InputError(
             f"this file has several cameras, {', '.join(several)}; say which with calibration_name", path=path
         )
     return _kalibr(several[name or (fitting or list(several))[0]], path)
+
+
+def _folders(topics: Iterable[str]) -> set[str]:
+    """What the names of topics begin with, up to their last part."""
+    return {folder for topic in topics if (folder := topic.strip("/").rpartition("/")[0])}
 
 
 def camera_in(recording: Recording, topic: str, *, rectified: bool = False) -> Camera:

@@ -18,7 +18,7 @@ import numpy as np
 from teamslam.geometry import Array
 from teamslam.io.bags.contents import Contents, TopicContents
 from teamslam.io.bags.roles import TRUTH
-from teamslam.io.bags.tree import standing_in
+from teamslam.io.bags.tree import body_of, standing_in
 
 CLOCKS_S = 0.5  # between the clocks of robots in one recording: what is less, runs find by themselves
 COMMON = {"tags", "detections", "tag_detections", "image", "image_raw", "image_rect", "image_color", "compressed"}
@@ -160,9 +160,13 @@ def _camera(topic: TopicContents, called: str, found: Contents, body: str) -> It
         yield 'calibration = "calibration.yaml"  # ? no camera_info beside it: a file of ROS, OpenCV, Kalibr, ...'
     if deep := [t for t in _depths(found) if _space(t.name) == _space(topic.name)]:
         yield f"depth = {_text(deep[0].name)}  # ? registered to this camera, pixel for pixel"
-    stands, eye = None, ""
-    for eye in (t.frames[0] for t in (topic, *beside[:1]) if body and t.frames[0] and stands is None):
-        stands = standing_in(found.transforms, body, eye)
+    stands, eye, names = None, "", [t.frames[0] for t in (topic, *beside[:1]) if t.frames[0]]
+    for eye in names:
+        above = body or body_of(found.transforms, eye)
+        stands = None if above == eye else standing_in(found.transforms, above, eye)
+        if stands is not None:
+            body = above
+            break
     if stands is None:
         yield "xyz_m = [0.0, 0.0, 0.0]  # ? where the camera is in the robot's body"
         yield "quaternion_wxyz = [1.0, 0.0, 0.0, 0.0]  # ? and how it is turned (z looks ahead, x to the right)"

@@ -79,6 +79,17 @@ def driven(tracks: Mapping[Pair, Track]) -> list[Pair]:
     return odometry or [pair for pair in moving if pair[0] not in moved]
 
 
+def body_of(tracks: Mapping[Pair, Track], frame: str) -> str:
+    """The frame that all stands in, along transforms that do not move, which a frame stands in; itself, where that
+    stands in none."""
+    above = {child: parent for (parent, child), track in tracks.items() if not moves(track)}
+    here, passed = frame.lstrip("/"), set[str]()
+    while here in above and here not in passed:
+        passed.add(here)
+        here = above[here]
+    return here
+
+
 def standing_in(tracks: Mapping[Pair, Track], above: str, below: str) -> Pose | None:
     """Where a frame is in another, along transforms that do not move, up or down; None where none lead there."""
     above, below = above.lstrip("/"), below.lstrip("/")
