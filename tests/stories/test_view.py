@@ -54,6 +54,23 @@ def served(runs: list[Path]) -> Iterator[tuple[subprocess.Popen[str], str]]:
         process.stderr.close()
 
 
+def test_a_connection_that_asks_nothing_is_no_error(served: tuple[subprocess.Popen[str], str]) -> None:
+    """Browsers connect ahead of need, and go away again."""
+    process, address = served
+    where = urlsplit(address)
+    assert where.hostname is not None and where.port is not None
+    with socket.create_connection((where.hostname, where.port), PATIENCE_S) as ahead:
+        ahead.sendall(b"GET")
+        ahead.shutdown(socket.SHUT_WR)
+        ahead.recv(100)
+    with socket.create_connection((where.hostname, where.port), PATIENCE_S) as one:  # heard after the other
+        one.sendall(b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
+        assert one.recv(100)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) == 0
+    assert process.stderr is not None and process.stderr.read() == ""
+
+
 def test_a_browser_sees_it_and_ctrl_c_ends_it(served: tuple[subprocess.Popen[str], str]) -> None:
     """The scene is drawn; a switch off and on, and another time, change it; then nobody listens, nothing is said."""
     process, address = served

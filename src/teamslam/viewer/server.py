@@ -1,5 +1,6 @@
 """A server of viser that says nothing on stdout, whose words are its caller's; and where to look from."""
 
+import logging
 from collections.abc import Iterable
 from contextlib import redirect_stdout
 from io import StringIO
@@ -20,6 +21,7 @@ def started(host: str, port: int) -> Any:
         import viser
     except ModuleNotFoundError:
         raise MissingExtraError("the map in the browser needs viser: pip install 'teamslam[view]'") from None
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # browsers connect ahead, and may ask nothing
     with redirect_stdout(StringIO()):  # its greeting: whoever starts it says where it is
         server = viser.ViserServer(host=host, port=port, label="teamslam", verbose=False)
     server.scene.set_up_direction("+z")
