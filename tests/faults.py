@@ -208,3 +208,30 @@ def mounted(dataset: Dataset, robots: tuple[int, ...], mount: Pose, *, source: s
         return replace(table, values=plus(table.model, table.values, off, table.dim))
 
     return dataset.with_tables(map(seen_from_there, dataset.tables))
+
+
+def in_the_frame_of_odometry(dataset: Dataset, robot: int, *, steps: bool = False, heading: float = 0.0) -> Dataset:
+    """What a planar robot's steps, or the points that it sees, are in the frame of its odometry, where it starts with
+    some heading."""
+    odometry = next(t for t in dataset.tables if t.robot == robot and t.is_odometry)
+    order = np.argsort(odometry.keys[:, 0])
+    start = Pose.from_xytheta(np.array([[0.0, 0.0, heading]]))
+    way = [start]
+    for step in order.tolist():
+        way.append(way[-1] @ pose_of(odometry.values[[step]], 2))
+    keys = np.append(odometry.keys[order[0], 0], odometry.keys[order, 1])
+    poses = {int(key): pose for key, pose in zip(keys, way, strict=True)}
+
+    def fault(table: Table) -> Table:
+        if table.robot != robot:
+            return table
+        if steps and table is odometry:
+            moved = pose_of(table.values, 2)
+            turned = [poses[int(k)].rotation[0] @ t for k, t in zip(table.keys[:, 0], moved.translation, strict=True)]
+            return replace(table, values=pack(Pose(moved.rotation, np.array(turned))))
+        if not steps and table.model == "point":
+            seen = [poses[int(k)].act(z[None])[0] for k, z in zip(table.keys[:, 0], table.values, strict=True)]
+            return replace(table, values=np.array(seen))
+        return table
+
+    return dataset.with_tables(map(fault, dataset.tables))

@@ -17,6 +17,7 @@ import numpy as np
 
 from teamslam.model import Dataset, Table
 from teamslam.trust.causes.clocks import LEAST, earlier, offset, taken_earlier, usual_step
+from teamslam.trust.causes.frames import points_of, with_points_seen_from_it, with_steps_in_its_axes
 from teamslam.trust.causes.looks import Looks, off, unlikely
 from teamslam.trust.causes.pairs import Closing
 from teamslam.trust.causes.slips import slips, without, written
@@ -96,7 +97,8 @@ def mistake_of(log: Dataset, robot: int, left: float = LEFT) -> Found | None:
 def suspects(looks: Looks, left: float = LEFT) -> list[Mistake]:
     """The mistakes that the looks of a robot speak for, at most TRIED, the likeliest first."""
     before = off(looks.as_written)
-    found = [e for e in (*_of_tables(looks), *_of_turns(looks), *_of_clock(looks)) if e.off < left * before]
+    every = (*_of_tables(looks), *_of_turns(looks), *_of_frames(looks), *_of_clock(looks))
+    found = [evidence for evidence in every if evidence.off < left * before]
     gains = sorted(found, key=lambda evidence: -evidence.gain)
     return [e.mistake for e in gains if e.gain > LIKELY * gains[0].gain][:TRIED]
 
@@ -133,6 +135,24 @@ def _of_turns(looks: Looks) -> Iterator[Evidence]:
         change = partial(with_turns_in_radians, robot=robot)
         mistake = Mistake((robot,), "odometry", "degrees", "turns are in degrees", change, unit)
         yield from _supported(looks, mistake, looks.meant(meant), 0.0)
+
+
+def _of_frames(looks: Looks) -> Iterator[Evidence]:
+    """Steps, or points that were seen, in the frame of the odometry in place of the robot's."""
+    robot = looks.robot
+    steps = "steps are written in axes that do not turn with the robot"
+    points = "places are those in the frame of its odometry, and not as seen from the robot"
+    read: list[tuple[str, str, Callable[[Dataset], Dataset]]] = [
+        ("odometry", steps, partial(with_steps_in_its_axes, robot=robot)),
+        *(
+            (of, points, partial(with_points_seen_from_it, robot=robot, source=of))
+            for of in points_of(looks.log, robot)
+        ),
+    ]
+    for source, said, mend in read:
+        meant = mend(looks.log)
+        if any(new is not old for new, old in zip(meant.tables, looks.log.tables, strict=True)):
+            yield from _supported(looks, Mistake((robot,), source, "axes", said, mend), looks.meant(meant), 0.0)
 
 
 def _of_clock(looks: Looks) -> Iterator[Evidence]:
