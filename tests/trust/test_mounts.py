@@ -43,6 +43,14 @@ def test_a_lever_arm_that_nobody_stated_is_found_with_the_map(robots: tuple[int,
     assert score.robot_position_rmse_m < 1.5 * honest.scores[0].robot_position_rmse_m
 
 
+def test_what_stays_uncertain_of_a_sensor_is_in_a_map_whose_noise_was_put_right() -> None:
+    """Odometry that is worse than stated beside it: the second map holds what its covariances promise as well."""
+    log = faults.plant(simulate("2d", 5), faults.surer(1.7), source="odometry")
+    result = run(faults.mounted(log, (1, 2, 3), ASIDE))
+    assert [cause.kind for cause in result.apart] == ["mount"] and result.calibration
+    assert result.scores[0].nees_per_dof < 1.25
+
+
 @pytest.mark.parametrize("preset", ["planar", "3d"])
 def test_a_camera_that_looks_down_and_is_stated_level_is_found(preset: str) -> None:
     """Of points in space the angle is found, and the map is as good as that of the log without the fault."""

@@ -161,6 +161,8 @@ def _told(
             pieces, submaps, joined, calibration = right.pieces, right.submaps, right.joined, right.calibration
             if suspected is not None and suspects and submaps:
                 suspected = suspected.once_put_right(submaps, right.of_submaps)
+            if found is not None:
+                joined = carrying_unknowns(joined, calibration.put_right(log), found)
             joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))
         except SolveError as error:
             calibration = None
