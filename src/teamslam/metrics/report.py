@@ -12,6 +12,7 @@ from teamslam.metrics.consistency import ChiSquare, Consistency, MarginalNees, M
 from teamslam.metrics.contradicted import Contradiction, contradicted, told_of
 from teamslam.metrics.frames import Aligned, align_team, in_another_world
 from teamslam.metrics.in_world import InWorld, in_world, said_of
+from teamslam.metrics.likeness import likeness
 from teamslam.model import Submap, Values, expect
 
 
@@ -135,7 +136,7 @@ def _compared(map: Submap, aligned: Aligned | None) -> Report:
         what = "one place" if len(aligned.keys) == 1 else "places in one line, without orientation,"
         note = f"the truth knows {what} of this map only, which leaves it free to turn: nothing can be compared"
         return Report(map.id, None, note=note)
-    note = "" if aligned.alike else STRANGERS
+    note = "; ".join(said for said in ("" if aligned.alike else STRANGERS, likeness(aligned)) if said)
     if in_another_world(map, aligned):
         note = ELSEWHERE.format(aligned.moved_m)
     return Report(
