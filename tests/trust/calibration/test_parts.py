@@ -7,7 +7,7 @@ from teamslam.geometry import Array
 from teamslam.joining import AtMap, build, full, split
 from teamslam.model import Names, Table, is_landmark, is_parameter, landmark_key, pose_key
 from teamslam.trust.calibration.calibrate import calibrate
-from teamslam.trust.calibration.carried import rows_inside
+from teamslam.trust.calibration.carried import bordered, rows_inside
 from teamslam.trust.calibration.choice import chosen, differences, posterior
 from teamslam.trust.calibration.estimate import estimate
 from teamslam.trust.calibration.fading import refined
@@ -200,6 +200,16 @@ def test_a_submap_that_carries_systematic_errors_knows_what_least_squares_over_b
     assert np.allclose(covariance, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
     moved = carrying.values.only(bare.values.layout.keys).minus(bare.values)
     assert np.allclose(moved, shift, atol=1e-6 * max(np.abs(shift).max(), 1e-3))
+
+
+def test_errors_of_two_kinds_stand_beside_each_other() -> None:
+    """What calibration found, and clocks or cameras beside it: neither takes the other's place."""
+    bare = build(split(team(4, poses=40))[0])
+    one = bordered(bare, np.zeros((bare.dof, 3)), np.eye(3), np.zeros(3), np.array([1.0, 2.0, 3.0]))
+    two = bordered(one, np.zeros((one.dof, 2)), 2.0 * np.eye(2), np.zeros(2), np.array([4.0, 5.0]))
+    assert (one.dof, two.dof) == (bare.dof + 4, bare.dof + 6)
+    keys = two.values.layout.keys[is_parameter(two.values.layout.keys)]
+    assert two.values.positions(keys, 2).tolist() == [[4.0, 5.0], [1.0, 2.0], [3.0, 0.0]]
 
 
 def test_rows_are_put_right_by_the_errors_that_the_map_holds() -> None:

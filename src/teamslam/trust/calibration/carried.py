@@ -27,6 +27,8 @@ from teamslam.trust.calibration.changed import Change, beyond, differing
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.systematic import Systematic
 
+MOST = 1024  # points for systematic errors of one submap
+
 
 def carrying(
     submap: Submap, tables: Sequence[Table], known: Sequence[Systematic], changes: Sequence[Change] = ()
@@ -119,7 +121,7 @@ def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
 
 
 def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
-    """The submap with p beside its variables, at the optimum over both."""
+    """The submap with p beside its variables, and beside errors that it holds already, at the optimum over all."""
     kind = _points_of(submap)
     dim = kind.dim
     count = -(-len(values) // dim)
@@ -132,7 +134,8 @@ def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Arr
     shift = np.linalg.solve(own - cross.T @ followed, slope)
     layout = submap.values.layout
     moved = submap.values.retract(-(followed @ shift))
-    keys = np.sort(parameter_keys(submap.id, count))
+    there = int(layout.contains(parameter_keys(submap.id, MOST)).sum())
+    keys = np.sort(parameter_keys(submap.id, there + count)[there:])
     points = Values.of({kind: (keys, (values + shift).reshape(count, dim))})
     both = moved.update(points)
     order = np.concatenate([both.layout.unknowns(layout.keys), both.layout.unknowns(keys)])
