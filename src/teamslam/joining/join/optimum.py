@@ -21,6 +21,7 @@ from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
 from teamslam.solver import Options, Solution, Status, Step, SubmapTerm, System, convex_start, reach
 
+A_LOOK = 100  # iterations: no more are asked for where an optimum is not
 NOBODY = np.zeros(0, np.int64)
 
 
@@ -73,7 +74,7 @@ class Optimum:
                 continue
             if without is not None:
                 return found if found.shared.converged else without
-            gone = np.setdiff1d(adrift(found.shared.values, used), stack.keys) if found.stopped else NOBODY
+            gone = np.setdiff1d(adrift(found.shared.values, used), stack.keys) if found.in_vain else NOBODY
             if len(gone):
                 start, loose = less(start, gone), np.append(loose, gone)
                 continue
@@ -123,6 +124,11 @@ class Optimum:
     def stopped(self) -> bool:
         """Whether the search ended short of an optimum, where no step led on."""
         return self.shared.status is Status.STUCK
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether the search did not end at an optimum, though it was not meant as a look alone."""
+        return not self.shared.converged and (self.stopped or self.shared.iterations > A_LOOK)
 
     @cached_property
     def solution(self) -> Solution:

@@ -1,5 +1,5 @@
 """Landmarks that a search without an end carries off: along rays that became parallel as poses gave way, or that never
-quite met, each step is longer than the last and gains less.
+quite met, each step is longer than the last and gains less; or onto a sensor, from where any bearing is as good.
 
 They were held where the search began, and are no longer where it stopped. Without them there is an optimum.
 """
