@@ -13,6 +13,8 @@ from teamslam.joining import build, exact_join, full, join, split
 from teamslam.joining.place.outline import Outline
 from teamslam.joining.place.place import Cluster, place
 from teamslam.joining.place.robust_fit import HINGE, link
+from teamslam.joining.place.ties import Tied
+from teamslam.joining.place.trusses import Body, Trusses
 from teamslam.model import Dataset, Loss, Submap, Table, pack
 from worlds import WORLDS, measure, team
 
@@ -181,6 +183,20 @@ def test_a_triangle_of_bars_has_two_assemblies(rng: np.random.Generator) -> None
         (ax, ay), (bx, by) = seen[1] - seen[0], seen[2] - seen[0]
         senses.append(np.sign(ax * by - ay * bx))
     assert sorted(senses) == [-1.0, 1.0]
+
+
+def test_bodies_that_lie_as_before_are_searched_once() -> None:
+    """Of two chains each, as after others were put together; where one of them lies in another way, it is anew."""
+    outlines, _ = triangle(np.random.default_rng(0), np.array([[0.0, 0.0], [4.0, 0.0], [1.0, 3.0]]))
+    here, flat = Pose.identity(2), [True] * 3
+    bodies = [Body({n: here, n + 3: Pose.from_xytheta([1.0, 0.0, 0.0])}, outlines[n]) for n in range(3)]
+    search, tied = Trusses([([n], [here]) for n in range(6)], None), Tied.of(outlines, flat)
+    first, again = (search.among(bodies, tied, flat) for _ in range(2))
+    assert first is not None and again is not None and search.searched == 1
+    for one, other in zip(first[1][0], again[1][0], strict=True):
+        assert np.array_equal(one.rotation, other.rotation) and np.array_equal(one.translation, other.translation)
+    moved = Body({0: here, 3: Pose.from_xytheta([2.0, 0.0, 0.0])}, outlines[0])
+    assert search.among([moved, *bodies[1:]], tied, flat) is not None and search.searched == 2
 
 
 def test_a_triangle_whose_corners_are_in_line_can_move() -> None:

@@ -3,8 +3,7 @@
 Sets of few bodies come first. A set of which some assembly is rigid by the rows as they look at it (see `frameworks`)
 is a truss; where none is, the join is asked (a `Judge`), which knows what rigid bodies are too rough for. Rows as few
 as fit many assemblies of two bodies may leave one of three: so of sets to be asked about those come first that fit in
-one way, then the largest. What is found of lone chains, which stay as they are whatever else is put together, is found
-once.
+one way, then the largest. What is found of bodies that stay as they are whatever else is put together, is found once.
 """
 
 import itertools
@@ -33,6 +32,7 @@ T = TypeVar("T")
 Chains = Sequence[tuple[list[int], list[Pose]]]
 Found = tuple[tuple[int, ...], list[list[Pose]]]  # places of bodies that are a truss, their frames in each assembly
 Which = tuple[tuple[int, ...], ...]  # bodies by their chains
+Lie = tuple[tuple[tuple[int, bytes, bytes], ...], ...]  # ... and where these lie in each, to the bit
 
 Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Sequence[Held]]
 """`judge(members, bodies, frames)`: how firmly the rows themselves hold submaps, each of some body, at their optimum
@@ -55,8 +55,8 @@ class Trusses:
         self._judged: dict[tuple[int, ...], Held] = {}  # by the chains of a body
         self._loose: set[Which] = set()  # bodies that are no truss now
         self._left = SOLVED * len(chains)  # trusses that may still be solved
-        self._known: dict[Which, list[Assembly]] = {}  # of lone chains, and which of them the judge holds
-        self._held: dict[Which, tuple[list[int], list[list[Pose]]]] = {}
+        self._known: dict[Lie, list[Assembly]] = {}  # of bodies as they lie, and which of them the judge holds
+        self._held: dict[Lie, tuple[list[int], list[list[Pose]]]] = {}
 
     @property
     def searched(self) -> int:
@@ -79,7 +79,7 @@ class Trusses:
         least = self._left // 2  # the others are for what comes once some of these bodies are one
         for places in itertools.islice(_candidates(tied), TRIES):
             truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
-            if self._left <= least and _which(inside) not in self._known:
+            if self._left <= least and _as_they_lie(inside) not in self._known:
                 break
             if _which(inside) in self._loose or not truss.may_be_rigid():
                 continue
@@ -108,13 +108,11 @@ class Trusses:
         return truss.assemblies()
 
     def _once(self, bodies: Sequence[Body], known: dict[Which, T], find: Callable[[], T]) -> T:
-        """What is found of bodies; of lone chains, which stay as they are in every branch, it is found once."""
-        if any(len(body.placed) > 1 for body in bodies):
-            return find()
-        which = _which(bodies)
-        if which not in known:
-            known[which] = find()
-        return known[which]
+        """What is found of bodies, once of the same as they lie: most stay as they are whatever else is put together."""
+        lie = _as_they_lie(bodies)
+        if lie not in known:
+            known[lie] = find()
+        return known[lie]
 
     def _by_judge(
         self, bodies: Sequence[Body], found: Sequence[Assembly], flat: Sequence[bool]
@@ -176,6 +174,12 @@ def _merit(held: Held) -> tuple[bool, float]:
 
 def _which(bodies: Sequence[Body]) -> Which:
     return tuple(tuple(body.placed) for body in bodies)
+
+
+def _as_they_lie(bodies: Sequence[Body]) -> Lie:
+    return tuple(
+        tuple((s, at.rotation.tobytes(), at.translation.tobytes()) for s, at in body.placed.items()) for body in bodies
+    )
 
 
 def _candidates(tied: Tied) -> Iterator[tuple[int, ...]]:
