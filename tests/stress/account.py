@@ -231,7 +231,8 @@ def _remark(remark: str, outcome: Outcome, oracle: Oracle, findings: Findings) -
     elif match := re.fullmatch(r"not exact: the map of .+ is that of the join .+ was found: (.+)", remark, re.DOTALL):
         is_true(match[1], "remark: a map that is not exact", outcome, oracle, findings)
     elif remark.startswith("joined in rounds, as by --exact, since the join of its submaps was far from"):
-        left = [(c.exactness.gradient_norm**2, c.map.cost) for c in outcome.components if c.exactness is not None]
+        ended = [c for c in outcome.components if c.solution is None or c.solution.converged]
+        left = [(c.exactness.gradient_norm**2, c.map.cost) for c in ended if c.exactness is not None]
         done = all(decrease < 1e-6 * (cost + 1.0) for decrease, cost in left)
         findings.check("remark: a join that went on in rounds", done, f"{remark}; {left}")
     elif match := re.fullmatch(r"(.+): its (\d+) ranges come from one .+ give or take (\S+) m", remark):

@@ -11,7 +11,7 @@ import numpy as np
 
 from stress.drive import Outcome
 from stress.failure import Findings
-from stress.maps import rows_of
+from stress.maps import rows_of, step_from
 from stress.oracle import Oracle, TooLarge, lever, spoken_of
 from teamslam.joining import Component
 from teamslam.model import WORLD, Names, Table, is_pose, robot_of
@@ -19,6 +19,7 @@ from teamslam.model import WORLD, Names, Table, is_pose, robot_of
 WEAK_TURN = 0.2  # [rad]: a heading that is held no better may be called open
 WEAK_PLACE = 0.2  # of the distance
 BEYOND = 4.5  # [sigmas]: no honest noise, of a few hundred numbers
+SHORT = 1e-3  # [sigmas] of an optimum: less is none
 FAR_APART = 1e5  # sigmas of rows: their squares take up most of the digits that there are
 
 
@@ -238,6 +239,13 @@ def _converged(saying: Saying) -> bool:
     return True  # the map's own check
 
 
+def _is_short(saying: Saying) -> bool:
+    """The gradient at the map is not small, in sigmas."""
+    assert saying.component is not None
+    rows = list(rows_of(saying.component.map, saying.outcome.log))
+    return not saying.outcome.exact or step_from(saying.component.map, rows) > SHORT
+
+
 def _is_explained(saying: Saying) -> bool:
     """A remark says of this map why it is a join's, where one was asked for that is exact."""
     assert saying.outcome.joined is not None and saying.component is not None
@@ -297,6 +305,8 @@ CLAIMS: dict[str, tuple[str, Check]] = {
     "no odometry links": (r"no odometry links (?P<what>.+) to (?P<base>.+); cut the log", _no_link),
     "nothing measured": (r"there is nothing to join", _nothing_measured),
     "converged": (r"^Converged: ", _converged),
+    "stopped short": (r"^Stopped: no step lowers the cost although the gradient is not small", _is_short),
+    "stopped at the limit": (r"^Stopped at the limit of iterations before the gradient was small", _is_short),
     "not exact": (r"^Stopped: no optimum of all rows was found; this is the join", _is_explained),
     "all fixed": (
         r"^Nothing to estimate",

@@ -1,7 +1,6 @@
 """KNOWN: logs of the suite that are known to fail, each with what fails. Written by `stress.py --known`."""
 
 KNOWN: dict[tuple[str, int], tuple[str, ...]] = {
-    ("small", 1000003): ("no map costs more than the optimum from the truth",),
     ("small", 1000007): ("no map costs more than the optimum from the truth",),
     ("small", 1000044): ("another optimum that fits as well is named",),
 }

@@ -10,13 +10,14 @@ from stress.failure import Findings
 from stress.maps import cost_at, everything, least_of, rounding, rows_of, step_from
 from stress.oracle import DENSE
 from teamslam.joining import Component
-from teamslam.model import Table
+from teamslam.model import Table, Values
 from teamslam.results.folder import known
 from teamslam.results.report import report_of
 from teamslam.solver import System, optimise
 
 SMALL = 0.3  # [sigmas]: so near the optimum the decrease that a step promises is what there is to gain
 FITS = 3.0  # of a number measured: what a map that fits costs at most
+CUT = 1e-3  # [rad] from half a turn: there a rotation's residual jumps, and differences say nothing
 DIFFERENCES = 1e-8  # of residuals: a gradient by differences is good to that
 LEVELS = ("fits", "loose", "strained", "misfit", "unknown")
 
@@ -50,12 +51,20 @@ def _is_json(report: object) -> bool:
         return False
 
 
+def half_turned(table: Table, values: Values) -> bool:
+    """Whether some row has a rotation the other way round from what it measured."""
+    if table.model not in ("relative_pose", "pose"):
+        return False
+    off = table.row.minus(table.values, table.predict(values), table.dim)[:, table.dim :]
+    return bool((np.linalg.norm(off, axis=-1) > np.pi - CUT).any())
+
+
 def _exactness(component: Component, rows: list[Table], findings: Findings) -> None:
     """It is what a step from the map promises; and where that is little, what there is to gain."""
     submap, stated = component.map, component.exactness
     values = everything(submap)
     assert stated is not None
-    if not 0 < submap.dof <= DENSE:
+    if not 0 < submap.dof <= DENSE or any(half_turned(table, values) for table in rows):
         return
     cost, ahead = cost_at(rows, values), step_from(submap, rows)
     # Differences of residuals, and how these round beside the coordinates, hide the rest.

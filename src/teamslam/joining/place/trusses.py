@@ -107,8 +107,8 @@ class Trusses:
         self._left -= 1
         return truss.assemblies()
 
-    def _once(self, bodies: Sequence[Body], known: dict[Which, T], find: Callable[[], T]) -> T:
-        """What is found of bodies, once of the same as they lie: most stay as they are whatever else is put together."""
+    def _once(self, bodies: Sequence[Body], known: dict[Lie, T], find: Callable[[], T]) -> T:
+        """What is found of bodies, once of the same as they lie: most stay so whatever else is put together."""
         lie = _as_they_lie(bodies)
         if lie not in known:
             known[lie] = find()
