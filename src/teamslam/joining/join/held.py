@@ -27,7 +27,8 @@ OPEN = Held(False, np.inf, np.inf, 1.0)
 
 def held(members: Sequence[Member], bodies: Sequence[int], frames: Sequence[Pose], options: Options) -> list[Held]:
     """How the bodies that the members belong to are held, each but the first to that."""
-    rough = replace(options, max_iterations=min(options.max_iterations, ROUGH), decrement=max(options.decrement, 0.1))
+    few = min(options.max_iterations, ROUGH)
+    rough = replace(options, max_iterations=few, decrement=max(options.decrement, 0.1), elsewhere=False)
     try:
         optimum = Optimum.of(members, frames, rough, None)
         covariances = _unweighted(optimum)

@@ -25,7 +25,7 @@ from teamslam.joining.place.outline import Outline, known_keys, outline_of_chain
 from teamslam.joining.place.reasons import why_apart
 from teamslam.joining.place.robust_fit import Link, link
 from teamslam.joining.place.ties import MOST, Tied
-from teamslam.joining.place.trusses import ALL_OF_THEM, Body, Found, Judge, Trusses, frames_in, freedoms
+from teamslam.joining.place.trusses import ALL_OF_THEM, Body, Found, Judge, Lie, Trusses, frames_in, freedoms
 from teamslam.model import WORLD, Submap, Table
 from teamslam.solver import side_by_side
 
@@ -80,6 +80,7 @@ class _Placing:
         )
         self.planar = [submaps[members[0]].base_dim == 2 for members, _ in chains]
         self.trusses = Trusses(chains, judge)
+        self._links: dict[tuple[Lie, Lie], Link] = {}  # of bodies as they lie
         self._met_before: dict[tuple[int, ...], Found | None] = {}  # by the assemblies chosen of those before
 
     @cached_property
@@ -182,7 +183,11 @@ class _Placing:
         return done
 
     def _link(self, cluster: Body, body: Body) -> Link:
-        return link(cluster.outline, body.outline, self.planar[next(iter(body.placed))])
+        """The fit of a body to a cluster, found once of both as they lie."""
+        both = cluster.lie, body.lie
+        if both not in self._links:
+            self._links[both] = link(cluster.outline, body.outline, self.planar[next(iter(body.placed))])
+        return self._links[both]
 
     def _truss(self, bodies: Sequence[Body], chosen: tuple[int, ...]) -> Found | None:
         """The truss that is met where of those before it these assemblies were `chosen`; what is left to be searched

@@ -9,7 +9,7 @@ one way, then the largest. What is found of bodies that stay as they are whateve
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
@@ -24,6 +24,7 @@ TRUSS = 4  # clusters in a truss at most; and one of all that hang rigidly toget
 WHOLE = 8
 TRIES = 500  # sets of clusters looked at for a truss; only where very many hang loosely together are there more
 SOLVED = 4  # of them that are solved in all, for each chain: the search takes time in proportion to the log
+MANY = 50  # chains; for each beyond these one
 ALL_OF_THEM = 10**9  # rows: to know what is open no row is left out
 MOST_AT_ONCE = 100  # clusters whose freedoms are asked of all rows together; of more two by two
 JUDGED = 3  # assemblies of a truss that the join is asked about
@@ -32,7 +33,7 @@ T = TypeVar("T")
 Chains = Sequence[tuple[list[int], list[Pose]]]
 Found = tuple[tuple[int, ...], list[list[Pose]]]  # places of bodies that are a truss, their frames in each assembly
 Which = tuple[tuple[int, ...], ...]  # bodies by their chains
-Lie = tuple[tuple[tuple[int, bytes, bytes], ...], ...]  # ... and where these lie in each, to the bit
+Lie = tuple[tuple[int, bytes, bytes], ...]  # a body by its chains, and where these lie in it
 
 Judge = Callable[[Sequence[int], Sequence[int], Sequence[Pose]], Sequence[Held]]
 """`judge(members, bodies, frames)`: how firmly the rows themselves hold submaps, each of some body, at their optimum
@@ -46,6 +47,11 @@ class Body:
     placed: dict[int, Pose]
     outline: Outline
 
+    @cached_property
+    def lie(self) -> "Lie":
+        """What it is made of, and where these lie in it, to the bit."""
+        return tuple((s, at.rotation.tobytes(), at.translation.tobytes()) for s, at in self.placed.items())
+
 
 class Trusses:
     """The search for trusses among bodies that are made of `chains`, each some submaps and their frames in it."""
@@ -54,14 +60,15 @@ class Trusses:
         self.chains, self.judge = chains, judge
         self._judged: dict[tuple[int, ...], Held] = {}  # by the chains of a body
         self._loose: set[Which] = set()  # bodies that are no truss now
-        self._left = SOLVED * len(chains)  # trusses that may still be solved
-        self._known: dict[Lie, list[Assembly]] = {}  # of bodies as they lie, and which of them the judge holds
-        self._held: dict[Lie, tuple[list[int], list[list[Pose]]]] = {}
+        self._all = self._left = may_be_solved(len(chains))  # trusses that may still be solved
+        self._may_be: dict[tuple[Lie, ...], bool] = {}  # of bodies as they lie, whether rows are enough
+        self._known: dict[tuple[Lie, ...], list[Assembly]] = {}  # what a truss of them is, and which the judge holds
+        self._held: dict[tuple[Lie, ...], tuple[list[int], list[list[Pose]]]] = {}
 
     @property
     def searched(self) -> int:
         """How many trusses were solved."""
-        return SOLVED * len(self.chains) - self._left
+        return self._all - self._left
 
     def begin(self) -> None:
         """All bodies are what they were: none is known to be no truss."""
@@ -79,9 +86,9 @@ class Trusses:
         least = self._left // 2  # the others are for what comes once some of these bodies are one
         for places in itertools.islice(_candidates(tied), TRIES):
             truss, inside = Truss(tied.among(places)), [bodies[n] for n in places]
-            if self._left <= least and _as_they_lie(inside) not in self._known:
+            if self._left <= least and tuple(body.lie for body in inside) not in self._known:
                 break
-            if _which(inside) in self._loose or not truss.may_be_rigid():
+            if _which(inside) in self._loose or not self._once(inside, self._may_be, truss.may_be_rigid):
                 continue
             found = self._assemblies(truss, inside)
             rigid = [n for n, a in enumerate(found) if a.fits and not a.nullity]
@@ -107,9 +114,9 @@ class Trusses:
         self._left -= 1
         return truss.assemblies()
 
-    def _once(self, bodies: Sequence[Body], known: dict[Lie, T], find: Callable[[], T]) -> T:
+    def _once(self, bodies: Sequence[Body], known: dict[tuple[Lie, ...], T], find: Callable[[], T]) -> T:
         """What is found of bodies, once of the same as they lie: most stay so whatever else is put together."""
-        lie = _as_they_lie(bodies)
+        lie = tuple(body.lie for body in bodies)
         if lie not in known:
             known[lie] = find()
         return known[lie]
@@ -151,6 +158,11 @@ class Trusses:
         return holds
 
 
+def may_be_solved(chains: int) -> int:
+    """How many trusses may be solved, at most, to place so many chains."""
+    return SOLVED * min(chains, MANY) + max(chains - MANY, 0)
+
+
 def frames_in(chains: Chains, ordered: Sequence[int], placed: dict[int, Pose]) -> list[Pose]:
     """The frames of all submaps of some chains that are placed, chain by chain."""
     return [placed[s] @ frame for s in ordered for frame in chains[s][1]]
@@ -174,12 +186,6 @@ def _merit(held: Held) -> tuple[bool, float]:
 
 def _which(bodies: Sequence[Body]) -> Which:
     return tuple(tuple(body.placed) for body in bodies)
-
-
-def _as_they_lie(bodies: Sequence[Body]) -> Lie:
-    return tuple(
-        tuple((s, at.rotation.tobytes(), at.translation.tobytes()) for s, at in body.placed.items()) for body in bodies
-    )
 
 
 def _candidates(tied: Tied) -> Iterator[tuple[int, ...]]:
