@@ -128,4 +128,7 @@ def _spread(off: Array, own: Array, half: float) -> float:
 
 
 def _squares(off: Array, covariance: Array) -> Array:
-    return np.asarray(np.sum(off * np.linalg.solve(covariance, off[..., None])[..., 0], -1))
+    """Distances off (n, d) by their covariances (n, d, d), squared; those known to rounding, by that rounding."""
+    least = 1e-12 * np.trace(covariance, axis1=-2, axis2=-1) + 1e-200
+    firm = covariance + least[:, None, None] * np.eye(off.shape[1])
+    return np.asarray(np.sum(off * np.linalg.solve(firm, off[..., None])[..., 0], -1))

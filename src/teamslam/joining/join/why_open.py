@@ -117,8 +117,8 @@ def _are_blurred(place: Array, whole: Submap, parts: Sequence[Table]) -> bool:
     between = Covariances.of_map(whole).relative(values, int(seers[one]), int(seers[other]))
     dim = whole.base_dim
     at, turn = between[:dim, :dim], between[dim:, dim:]
-    known = np.sqrt(np.linalg.eigvalsh(at)[-1]) / away[[one, other]].min()
-    turned = np.sqrt(np.linalg.eigvalsh(turn)[-1])
+    known = _largest(at) / away[[one, other]].min()
+    turned = _largest(turn)
     return bool(0.5 * apart[other] <= BLUR * max(_blur(parts), known, turned))
 
 
@@ -150,7 +150,12 @@ def _turned(whole: Submap, parts: Sequence[Table]) -> float:
     first, *others = _who(whole, parts).tolist()
     values, covariances, dim = whole.all_values, Covariances.of_map(whole), whole.base_dim
     turns = [covariances.relative(values, first, other)[dim:, dim:] for other in others]
-    return float(np.sqrt(max((np.linalg.eigvalsh(turn)[-1] for turn in turns), default=0.0)))
+    return max(map(_largest, turns), default=0.0)
+
+
+def _largest(covariance: Array) -> float:
+    """The largest sigma; of what is known to rounding 0."""
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
 
 
 def _meet(whole: Submap, parts: Sequence[Table], turned: float = 0.0) -> bool:
