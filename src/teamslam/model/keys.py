@@ -24,6 +24,7 @@ INDEX_BITS = 51
 MAX_INDEX = (1 << INDEX_BITS) - 1
 MAX_ROBOT = (1 << 12) - 1
 WORLD = -1
+PARAMETER_BITS = 10  # keys of one submap's systematic errors
 UNNAMED = 3 << 49  # to 2^51: keys of sightings without a name
 ROW_BITS = 37
 
@@ -117,10 +118,12 @@ def is_landmark(keys: int | AnyArray) -> BoolArray:
     return np.asarray(robot_of(keys) == 0)
 
 
-def parameter_keys(owner: str, count: int) -> IntArray:
-    """Keys (count,) for systematic errors of the measurements of `owner`, the id of a submap: the same everywhere."""
+def parameter_keys(owner: str, count: int, beside: AnyArray = ()) -> IntArray:
+    """Keys (count,) for systematic errors of the measurements of `owner`, the id of a submap: the same everywhere, the
+    first that are not among those `beside`."""
     digest = int.from_bytes(hashlib.blake2b(owner.encode(), digest_size=8).digest(), "little") >> 12
-    return np.asarray(WORLD - 1 - (digest << 10) - np.arange(count), np.int64)
+    own = np.asarray(WORLD - 1 - (digest << PARAMETER_BITS) - np.arange(1 << PARAMETER_BITS), np.int64)
+    return own[~np.isin(own, beside)][:count]
 
 
 def is_parameter(keys: int | AnyArray) -> BoolArray:

@@ -1,6 +1,6 @@
 """Which rows of which logs went into a submap, so that nothing is ever counted twice."""
 
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +23,7 @@ class Stretch:
     stop: int
 
 
-class Sources(Set[Stretch]):
+class Sources:
     """Which rows of which logs: a set of disjoint stretches, in order.
 
     `edges`: of each log the stretches' first rows and the rows after their last (n, 2), rising.
@@ -87,14 +87,8 @@ class Sources(Set[Stretch]):
     def __len__(self) -> int:
         return sum(map(len, self.edges.values()))
 
-    def __contains__(self, stretch: object) -> bool:
-        if not isinstance(stretch, Stretch):
-            return False
-        edges = self.edges.get((stretch.robot, stretch.source))
-        return edges is not None and bool((edges == (stretch.start, stretch.stop)).all(1).any())
-
     def __eq__(self, other: object) -> bool:
-        return self._bytes == other._bytes if isinstance(other, Sources) else super().__eq__(other)
+        return self._bytes == other._bytes if isinstance(other, Sources) else NotImplemented
 
     def __hash__(self) -> int:
         return hash(self._bytes)

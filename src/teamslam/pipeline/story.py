@@ -183,6 +183,7 @@ def _told(
             judged=None if calibration else judged, known=suspected, seen=seen,
             rejecting=config.trust.reject, probability=config.trust.wrong, stage=clock.start,
         )  # fmt: skip
+        trust = replace(trust, verdict=replace(trust.verdict, weighed=bool(calibration)))
         joined = with_plain_reasons(joined, trust.verdict)
         costs = [part.cost for part in trust.verdict.parts] or [cost_of(c.map, log.tables) for c in joined.components]
         clock.start("covariances")

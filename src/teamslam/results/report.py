@@ -16,11 +16,12 @@ Its fields:
     fit                            how well the map fits the measurements: `verdict` (fits, loose, strained, misfit or
                                    unknown), `gross` where the map is not to be trusted, and a `sentence`; `cost` beside
                                    what is `expected`, the `band` that it keeps 999 times of 1000 if the model is right,
-                                   and its part that is the join's own (`decrease`); `causes`, what a misfit looks like,
-                                   each with what share of the excess it `explains`; `carriers`, which sensors,
-                                   landmarks and stretches of time cost too much; `sensors`, the same of every sensor of
-                                   every robot; `noise`, how large the residuals of each part of a measurement are
-                                   beside its standard deviation (`scale`), and the share of outliers
+                                   and what of it full least squares would take off (`decrease`): a join's own part, or
+                                   what it costs rows that they count by how their errors hang together; `causes`, what
+                                   a misfit looks like, each with what share of the excess it `explains`; `carriers`,
+                                   which sensors, landmarks and stretches of time cost too much; `sensors`, the same of
+                                   every sensor of every robot; `noise`, how large the residuals of each part of a
+                                   measurement are beside its standard deviation (`scale`), and the share of outliers
     apart                          what landmarks are called otherwise than in the log: each with its `kind` (landmark:
                                    one that was moved, or of which two carry one name, and that is two in the map;
                                    place: what one robot has elsewhere than the others, a landmark of its own; name:

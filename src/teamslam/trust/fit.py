@@ -47,7 +47,8 @@ class Verdict:
 
     `cost` (sum of losses) beside what is `expected` and the `band` in which it lies 999 times of 1000 if the model is
     right; `chi2` counts outliers in full, `dof` is numbers measured - unknowns; `decrease` is what a step to full least
-    squares would still take off, a join's own part of the cost. `sensors` are all parts by robot, source and model;
+    squares would still take off, a join's own part of the cost, or, where rows are `weighed` by how their errors hang
+    together, what that costs them each alone. `sensors` are all parts by robot, source and model;
     `carriers` what carries the excess, the most first: sensors, landmarks, stretches of time. `parts` are the residuals
     by component. `causes` are what it looks like, among them mistakes in the logs of robots that are in no map, which
     are not held against it. `reason` says why nothing is known, where that is so.
@@ -67,6 +68,7 @@ class Verdict:
     parts: tuple[Residuals, ...] = ()
     names: Names = field(default_factory=Names)
     reason: str = ""
+    weighed: bool = False
 
     def __repr__(self) -> str:
         if self.level == "unknown":
@@ -211,7 +213,9 @@ def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows
 
 def far_by_its_join(found: Verdict) -> bool:
     """Whether a map's measurements agree with each other, and yet it is far from where they would have it."""
-    return found.level == "strained" and _far(found.cost, found.decrease, found.expected, found.band)
+    return (
+        found.level == "strained" and not found.weighed and _far(found.cost, found.decrease, found.expected, found.band)
+    )
 
 
 def _far(cost: float, decrease: float, expected: float, band: tuple[float, float]) -> bool:

@@ -7,7 +7,7 @@ from teamslam.trust.cause import rows_called
 from teamslam.trust.fit import Verdict, far_by_its_join
 
 MOST = 2  # words on outliers in one sentence
-MATTERS = 0.02  # of the cost: a join's own part of it
+MATTERS = 0.02  # of the cost: what full least squares of the rows as they are would not cost
 
 
 def sentence(found: Verdict) -> str:
@@ -17,7 +17,10 @@ def sentence(found: Verdict) -> str:
     times, (low, high) = found.cost / found.expected, (end / found.expected for end in found.band)
     figures = f"the cost is {_number(times)} times what is expected ({low:.2f} to {high:.2f} by chance)"
     if found.decrease > MATTERS * found.cost:
-        figures += f", {_number(found.decrease / found.expected)} of that by the join's own approximation"
+        why = (
+            "since rows count by how their errors hang together" if found.weighed else "by the join's own approximation"
+        )
+        figures += f", {_number(found.decrease / found.expected)} of that {why}"
     return f"{_judged(found, times)}: {figures}{''.join(_outliers(found))}"
 
 

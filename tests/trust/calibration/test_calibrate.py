@@ -11,6 +11,7 @@ from teamslam.io import read
 from teamslam.model import Dataset, is_landmark, is_parameter, is_pose, robot_of
 from teamslam.pipeline import Result, run
 from teamslam.trust.calibration import Calibration
+from teamslam.trust.words import sentence
 from trust.calibration.faulty import SCALE, VEER_RAD, long_steps, misstated, offset, persistent, team, veering
 
 TEAMS = range(3)
@@ -102,6 +103,13 @@ def test_where_errors_last_most_teams_are_within_their_own_band() -> None:
     results = [run(persistent(team(seed), 0.9), Config(method="full")) for seed in range(6)]
     inside = [c is not None and c.nees.inside for c in (r.scores[0].consistency for r in results)]
     assert sum(map(bool, inside)) >= 4  # 0.95 each by the model that is true; 0.16 by rows that are only tempered
+
+
+@pytest.mark.parametrize("method", ["full", "join"])
+def test_what_weighing_costs_rows_by_themselves_is_not_laid_to_a_join(method: str) -> None:
+    """Rows of errors that last count for less, so each alone could be met better, by any method."""
+    said = sentence(run(persistent(team(2), 0.9), Config(method=method)).verdict)
+    assert "since rows count by how their errors hang together" in said and "join" not in said
 
 
 def test_a_few_real_robots_make_no_map_of_another_size(data: Callable[[str], Path]) -> None:

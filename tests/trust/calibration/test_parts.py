@@ -5,7 +5,8 @@ import pytest
 
 from teamslam.geometry import Array
 from teamslam.joining import AtMap, build, full, split
-from teamslam.model import Names, Table, is_landmark, is_parameter, landmark_key, pose_key
+from teamslam.model import Names, Submap, Table, is_landmark, is_parameter, landmark_key, pose_key
+from teamslam.solver import Factor
 from teamslam.trust.calibration.calibrate import calibrate
 from teamslam.trust.calibration.carried import bordered, rows_inside
 from teamslam.trust.calibration.choice import chosen, differences, posterior
@@ -205,8 +206,14 @@ def test_a_submap_that_carries_systematic_errors_knows_what_least_squares_over_b
 def test_errors_of_two_kinds_stand_beside_each_other() -> None:
     """What calibration found, and clocks or cameras beside it: neither takes the other's place."""
     bare = build(split(team(4, poses=40))[0])
-    one = bordered(bare, np.zeros((bare.dof, 3)), np.eye(3), np.zeros(3), np.array([1.0, 2.0, 3.0]))
-    two = bordered(one, np.zeros((one.dof, 2)), 2.0 * np.eye(2), np.zeros(2), np.array([4.0, 5.0]))
+
+    def with_errors(submap: Submap, values: Array) -> Submap:
+        n = len(values)
+        factor = Factor.of(submap.values.layout, submap.information, submap.names, submap.values)
+        return bordered(submap, factor, np.zeros((submap.dof, n)), np.eye(n), np.zeros(n), values)
+
+    one = with_errors(bare, np.array([1.0, 2.0, 3.0]))
+    two = with_errors(one, np.array([4.0, 5.0]))
     assert (one.dof, two.dof) == (bare.dof + 4, bare.dof + 6)
     keys = two.values.layout.keys[is_parameter(two.values.layout.keys)]
     assert two.values.positions(keys, 2).tolist() == [[4.0, 5.0], [1.0, 2.0], [3.0, 0.0]]

@@ -13,9 +13,8 @@ from teamslam.errors import SolveError
 from teamslam.geometry import Array
 from teamslam.joining.start.twofold import RULED_OUT, Twofold, twofold
 from teamslam.model import WORLD, Names, Submap, Table, Values
-from teamslam.solver import System, optimise
+from teamslam.solver import SAME, System, optimise
 
-SAME = 1e-6  # of the cost of a landmark, and absolutely: two places that differ by less cost the same
 NAMED = 3  # landmarks with a second place that get a sentence of their own
 
 

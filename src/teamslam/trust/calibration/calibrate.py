@@ -104,12 +104,9 @@ class Calibration:
         """The map of all `rows`, put right, with their systematic errors among its variables, and the calibration as
         that map holds it: it has moved on with them."""
         carries = self.carried_by(map, rows)
-        moved = held(carries, rows, self.systematic)
-        changes = self.changes
-        for error, value in moved:
-            changes = tuple(change.further(error.by(value - error.value), rows) for change in changes)
-        values = {id(error): value for error, value in moved}
-        systematic = tuple(replace(error, value=values.get(id(error), error.value)) for error in self.systematic)
+        changes, systematic = self.changes, held(carries, rows, self.systematic)
+        for before, after in zip(self.systematic, systematic, strict=True):
+            changes = tuple(change.further(before, after.value - before.value, rows) for change in changes)
         return carries, replace(self, changes=changes, systematic=systematic)
 
     def cost(self, map: Submap, log: Dataset) -> float:

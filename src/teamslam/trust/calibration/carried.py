@@ -27,8 +27,6 @@ from teamslam.trust.calibration.changed import Change, beyond, differing
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.systematic import Systematic
 
-MOST = 1024  # points for systematic errors of one submap
-
 
 def carrying(
     submap: Submap, tables: Sequence[Table], known: Sequence[Systematic], changes: Sequence[Change] = ()
@@ -43,7 +41,7 @@ def carrying(
     if not submap.dof:
         return submap
     given = submap.all_values if submap.base >= 0 else submap.values
-    submap, step = sharpened(submap, tables, changes)
+    submap, step, factor = sharpened(submap, tables, changes)
     touched, mine = _touched(tables, known)
     if not mine:
         return submap
@@ -71,18 +69,19 @@ def carrying(
             cross[:, places] += (differ @ jacobian).T @ along
             own[np.ix_(places, places)] += along.T @ along
             slope[places] += along.T @ (differ @ error.ravel())
-    return bordered(submap, cross, own, slope, mean)
+    return bordered(submap, factor, cross, own, slope, mean)
 
 
-def held(submap: Submap, tables: Sequence[Table], known: Sequence[Systematic]) -> list[tuple[Systematic, float]]:
-    """The systematic errors that a submap of rows `tables` carries, with what each is in it, in its unit."""
+def held(submap: Submap, tables: Sequence[Table], known: Sequence[Systematic]) -> tuple[Systematic, ...]:
+    """Systematic errors as a submap of rows `tables` has those that it carries; the others as they are known."""
     _, mine = _touched(tables, known)
-    kind = _points_of(submap)
+    kind, out = _points_of(submap), list(known)
     keys = np.sort(parameter_keys(submap.id, -(-len(mine) // kind.dim)))
-    if not mine or not submap.values.layout.contains(keys).all():
-        return []
-    points = submap.values.positions(keys, kind.dim).ravel().tolist()
-    return [(known[j], value * known[j].prior) for j, value in zip(mine, points, strict=False)]
+    if mine and submap.values.layout.contains(keys).all():
+        points = submap.values.positions(keys, kind.dim).ravel().tolist()
+        for j, value in zip(mine, points, strict=False):
+            out[j] = replace(known[j], value=value * known[j].prior)
+    return tuple(out)
 
 
 def _touched(
@@ -98,9 +97,10 @@ def _points_of(submap: Submap) -> Kind:
     return point_kind(2 + int((submap.values.layout.kinds % 2).max(initial=0)))
 
 
-def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> tuple[Submap, Array]:
+def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> tuple[Submap, Array, Factor]:
     """The submap of rows that were put right, by what those that follow each other say of how they differ as well: its
-    information, and its estimate one step (dof,) of least squares over both further."""
+    information, and its estimate one step (dof,) of least squares over both further; with the step, and the factor of
+    the information."""
     values = submap.all_values if submap.base >= 0 else submap.values
     held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
     told = beyond(tables, changes, values, held, submap.names)
@@ -109,8 +109,9 @@ def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]
     if told is not None:
         more, further, _ = told
         information, slope = sp.csr_array(information + more), slope + further
-    step = Factor.of(submap.values.layout, information, submap.names, submap.values).solve(slope)
-    return replace(submap, values=submap.values.retract(step), information=information), step
+    factor = Factor.of(submap.values.layout, information, submap.names, submap.values)
+    step = factor.solve(slope)
+    return replace(submap, values=submap.values.retract(step), information=information), step, factor
 
 
 def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
@@ -120,8 +121,9 @@ def rows_inside(submap: Submap, piece: Dataset) -> list[Table]:
     return inside
 
 
-def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
-    """The submap with p beside its variables, and beside errors that it holds already, at the optimum over all."""
+def bordered(submap: Submap, factor: Factor, cross: Array, own: Array, slope: Array, values: Array) -> Submap:
+    """The submap with p beside its variables, and beside errors that it holds already, at the optimum over all;
+    `factor` is of its information."""
     kind = _points_of(submap)
     dim = kind.dim
     count = -(-len(values) // dim)
@@ -129,13 +131,11 @@ def bordered(submap: Submap, cross: Array, own: Array, slope: Array, values: Arr
     cross = np.pad(cross, ((0, 0), (0, spare)))
     own = np.block([[own, np.zeros((len(own), spare))], [np.zeros((spare, len(own))), np.eye(spare)]])
     slope, values = np.pad(slope, (0, spare)), np.pad(values, (0, spare))
-    factor = Factor.of(submap.values.layout, submap.information, submap.names, submap.values)
     followed = factor.solve(cross)
     shift = np.linalg.solve(own - cross.T @ followed, slope)
     layout = submap.values.layout
     moved = submap.values.retract(-(followed @ shift))
-    there = int(layout.contains(parameter_keys(submap.id, MOST)).sum())
-    keys = np.sort(parameter_keys(submap.id, there + count)[there:])
+    keys = np.sort(parameter_keys(submap.id, count, beside=layout.keys))
     points = Values.of({kind: (keys, (values + shift).reshape(count, dim))})
     both = moved.update(points)
     order = np.concatenate([both.layout.unknowns(layout.keys), both.layout.unknowns(keys)])

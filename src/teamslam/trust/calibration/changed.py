@@ -9,7 +9,7 @@ weighed so are under no loss, and their map is found in a few steps. Rows keep t
 cut, built, joined and sent as any other.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from teamslam.model import Names, Table, Values
 from teamslam.model.losses import SQUARED
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.successive import Successive
+from teamslam.trust.calibration.systematic import Systematic
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +40,13 @@ class Change:
         mine = self.rows
         return (mine.robot, mine.kind) == (table.robot, table.kind)
 
-    def further(self, effect: Callable[[Table], Array | None], tables: Iterable[Table]) -> "Change":
-        """The same with what an `effect` does to those of its rows that are in `tables` taken out as well."""
-        more = effect(self.rows)
-        if more is None:
+    def further(self, error: Systematic, amount: float, tables: Iterable[Table]) -> "Change":
+        """The same with so much more of an error taken out of those of its rows that are in `tables`."""
+        effect, ids = error.on(self.rows), [table.ids for table in tables if self.of(table)]
+        if effect is None or not ids:
             return self
-        ids = [table.ids for table in tables if self.of(table)]
-        inside = np.isin(self.rows.ids, np.concatenate(ids)) if ids else np.zeros(len(self.rows), bool)
-        return replace(self, shift=self.shift + more * inside[:, None])
+        inside = np.isin(self.rows.ids, np.concatenate(ids))
+        return replace(self, shift=self.shift + amount * effect * inside[:, None])
 
     def apply(self, table: Table, *, weigh: bool) -> Iterator[Table]:
         """The table's rows put right, each as it is alone, or, to `weigh` them, by what it counts. Rows that nothing is

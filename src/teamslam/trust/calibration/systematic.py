@@ -1,6 +1,5 @@
 """A systematic error that was estimated, and what it does to each row."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,12 +31,3 @@ class Systematic:
             return None
         at = np.minimum(np.searchsorted(self.ids, table.ids), len(self.ids) - 1)
         return np.where((self.ids[at] == table.ids)[:, None], self.effect[at], 0.0)
-
-    def by(self, amount: float) -> Callable[[Table], Array | None]:
-        """What so much more of it does to the rows of a table."""
-
-        def effect(table: Table) -> Array | None:
-            found = self.on(table)
-            return None if found is None else amount * found
-
-        return effect

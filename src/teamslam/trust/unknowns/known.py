@@ -79,4 +79,4 @@ def with_unknowns(map: Submap, tables: Iterable[Table], known: Known) -> Submap:
     factor = Factor.of(map.values.layout, map.information, map.names, map.values)
     own = np.linalg.inv(covariance) + cross.T @ factor.solve(cross)
     nothing = np.zeros(len(own))
-    return bordered(map, cross, 0.5 * (own + own.T), nothing, nothing)
+    return bordered(map, factor, cross, 0.5 * (own + own.T), nothing, nothing)
