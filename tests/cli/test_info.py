@@ -79,3 +79,20 @@ def test_cameras_are_told_by_their_names(teamslam, tmp_path: Path) -> None:
     )
     called = teamslam("info", tmp_path / "team.toml")
     assert "landmarks, left" in called.out and "landmarks, right" in called.out
+
+
+def test_what_was_surveyed_has_no_time_and_takes_nobody_elses(teamslam, tmp_path: Path) -> None:
+    """Landmarks at known places, by nobody: no row of the table holds a number that is none."""
+    write(team("2d", poses=6), tmp_path / "log", "plain")
+    (tmp_path / "log" / "survey.csv").write_text("landmark,x,y\n0,1.0,2.0\n1,3.0,4.0\n")
+    with (tmp_path / "log" / "team.toml").open("a") as file:
+        file.write('\n[[log]]\nfile = "survey.csv"\nmodel = "position"\nsigma = [0.1, 0.1]\n')
+    called = teamslam("info", tmp_path / "log")
+    assert "position" in called.out and "nan" not in called.out.replace(str(tmp_path), "")
+
+
+def test_one_of_several_inputs_that_is_not_there_is_named(teamslam, tmp_path: Path) -> None:
+    """Not that there are several."""
+    write(team("2d", poses=6), tmp_path / "log", "plain")
+    called = teamslam("info", tmp_path / "log", tmp_path / "typo.bag")
+    assert called.code == 2 and "typo.bag: there is no such file or folder" in called.err

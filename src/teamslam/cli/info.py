@@ -1,5 +1,6 @@
 """`teamslam info`: what a log holds, what is wrong with it, and whether its robots can be joined."""
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,12 +38,15 @@ def info(*inputs: Path, format: str | None = None) -> int:
     from teamslam.inspection import inspect
     from teamslam.io import read_log
     from teamslam.io.bags import is_recording
+    from teamslam.io.formats import MISSING
     from teamslam.results.words import counted
 
     if inputs and format is None and all(map(is_recording, inputs)):
         return _recordings(inputs)
+    for missing in (input for input in inputs if not input.exists()):
+        raise InputError(MISSING, path=missing)
     if len(inputs) != 1:
-        raise InputError(f"{len(inputs)} inputs; give one log, or recordings of ROS")
+        raise InputError(f"{len(inputs) or 'no'} inputs; give one log, or recordings of ROS")
     (input,) = inputs
     with progress_bar() as progress:
         dataset = read_log(input, format=format, progress=progress)
@@ -153,11 +157,11 @@ def _told(found: "Contents") -> dict[str, object]:
 
 def _measured(found: "Inspection", names: "Names") -> tuple[list[str], list[list[str]]]:
     """The table of what was measured: from the first pose concerned to the last, counted from the log's first."""
-    start = min((c.start_s for c in found.counts if c.rows), default=0.0)
+    start = min((c.start_s for c in found.counts if c.rows and isfinite(c.start_s)), default=0.0)
     digits, unit = (0, "") if names.counts else (2, " [s]")
     rows = [
         [names.robot(c.robot), f"{c.source}, {c.sensor}" if c.sensor else c.source, c.model, f"{c.rows:,}"]
-        + [f"{stamp - start:.{digits}f}" if c.rows else "" for stamp in (c.start_s, c.stop_s)]
+        + [f"{stamp - start:.{digits}f}" if c.rows and isfinite(stamp) else "" for stamp in (c.start_s, c.stop_s)]
         for c in found.counts
     ]
     zero = f"pose {start:.0f}" if names.counts else f"{start:.6f} s"

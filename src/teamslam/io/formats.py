@@ -18,6 +18,8 @@ from teamslam.io.looks import described
 from teamslam.io.maps.estimate import MapEstimate
 from teamslam.model import A_LOG, A_PATH, Dataset, Dropped, Submap, expect
 
+MISSING = "there is no such file or folder; check the path"
+
 Progress = Callable[[str, int, int], None]
 
 
@@ -199,7 +201,7 @@ def formats_of(path: str | Path) -> list[tuple[str, str]]:
     """What a path looks like: the kinds ('log', 'submaps', 'map') and formats that its beginning or its files fit."""
     path = _path(path)
     if not path.exists():
-        raise InputError("there is no such file or folder; check the path", path=path)
+        raise InputError(MISSING, path=path)
     return [(kind, name) for kind, rows in KINDS.items() for name in _fitting(rows, path)]
 
 

@@ -118,12 +118,12 @@ def is_landmark(keys: int | AnyArray) -> BoolArray:
     return np.asarray(robot_of(keys) == 0)
 
 
-def parameter_keys(owner: str, count: int, beside: AnyArray = ()) -> IntArray:
+def parameter_keys(owner: str, count: int, beside: AnyArray | None = None) -> IntArray:
     """Keys (count,) for systematic errors of the measurements of `owner`, the id of a submap: the same everywhere, the
     first that are not among those `beside`."""
     digest = int.from_bytes(hashlib.blake2b(owner.encode(), digest_size=8).digest(), "little") >> 12
     own = np.asarray(WORLD - 1 - (digest << PARAMETER_BITS) - np.arange(1 << PARAMETER_BITS), np.int64)
-    return own[~np.isin(own, beside)][:count]
+    return own[:count] if beside is None else own[~np.isin(own, beside)][:count]
 
 
 def is_parameter(keys: int | AnyArray) -> BoolArray:
