@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from teamslam.geometry import Array, IntArray, directions
-from teamslam.model import Submap, Table, Values, is_landmark, point_kind
+from teamslam.geometry import Array, IntArray, Pose, directions
+from teamslam.model import Kind, Submap, Table, Values, is_landmark, point_kind, robot_of
 from teamslam.solver import Solution, System, optimise
 
 TWO = re.compile(r"ambiguous: (.+) is at \((.+)\) or at \((.+)\), for (?:no|at most (\S+)) more of cost: .+", re.DOTALL)
@@ -16,6 +16,11 @@ SIDE = re.compile(
     r"(.+): ranges from robots of a plane leave open on which side of it, and the map says (above|below)", re.DOTALL
 )
 OTHERS = re.compile(r"ambiguous in the same way: (.+)")
+MIRROR = re.compile(
+    r"ambiguous: (?:robot (.+) fits on the other side of what it ranges|the whole map fits in a mirror) too, "
+    r"for (?:no|(\S+)) more of cost; .+",
+    re.DOTALL,
+)
 
 
 def fits_there(remark: str, maps: Sequence[Submap], tables: Sequence[Table]) -> bool | None:
@@ -27,10 +32,58 @@ def fits_there(remark: str, maps: Sequence[Submap], tables: Sequence[Table]) -> 
         names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
         side = 1.0 if match[2] == "above" else -1.0
         return any(all(_mirrored(whole, name, side, tables) for name in names) for whole in maps)
+    if match := MIRROR.fullmatch(remark):
+        return any(_fits_in_mirror(whole, match[1], float(match[2] or 0.0) * 1.1 + 0.1, tables) for whole in maps)
     if match := OTHERS.fullmatch(remark):
         names = re.sub(r" and \d+ others$", "", match[1]).split(", ")
         return any(all(_key(whole, name) is not None for name in names) for whole in maps)
     return None
+
+
+def _fits_in_mirror(whole: Submap, name: str | None, more: float, tables: Sequence[Table]) -> bool:
+    """Whether a map of the plane, or one robot of it with what it alone sees, costs so little more at the optimum that
+    a reflection leads to: of a robot about the line through what it and others know."""
+    values = whole.all_values if whole.base >= 0 else whole.values
+    rows = [t.select(np.asarray(t.told_by(values.layout))) for t in tables]
+    rows = [t for t in rows if len(t)]
+    keys = values.layout.keys
+    if name is None:
+        mine, line = keys, values.poses_of(np.array([whole.base]), 2).xytheta()[0]
+    else:
+        robots = np.unique(robot_of(keys[~is_landmark(keys)])).tolist()
+        robot = next((r for r in robots if whole.names.robot(r) == name), None)
+        if robot is None:
+            return False
+        seen = np.unique(np.concatenate([t.keys.ravel() for t in rows if (robot_of(t.keys) == robot).any()]))
+        others = np.unique(np.concatenate([t.keys[robot_of(t.keys) != robot] for t in rows if t.robot != robot]))
+        shared = np.intersect1d(seen[robot_of(seen) != robot], others if len(others) else seen)
+        if not len(shared):
+            return False
+        places = values.positions(shared, 2)
+        (dx, dy), middle = np.linalg.svd(places - places.mean(0))[2][0], places.mean(0)
+        mine, line = np.setdiff1d(seen, others), np.array([*middle, np.arctan2(dy, dx)])
+    fixed = np.array([whole.base]) if whole.base >= 0 else np.zeros(0, np.int64)
+    mine = np.setdiff1d(keys, mine) if name is not None and np.isin(fixed, mine).any() else mine
+    system = System(values.layout, tables=rows, fixed=fixed)
+    here, there = (optimise(system, start) for start in (values, _reflected(values, mine, line)))
+    return there.cost - here.cost <= more
+
+
+def _reflected(values: Values, keys: IntArray, line: Array) -> Values:
+    """Some variables of the plane on the other side of a line (x, y, direction)."""
+    x, y, along = line
+    cos, sin = np.cos(2.0 * along), np.sin(2.0 * along)
+    for key in keys.tolist():
+        pose = not is_landmark(key)
+        px, py = values.positions(np.array([key]), 2)[0] - (x, y)
+        place = np.array([[x + cos * px + sin * py, y + sin * px - cos * py]])
+        if pose:
+            heading = values.poses_of(np.array([key]), 2).xytheta()[0, 2]
+            at = Pose.from_xytheta(np.array([[*place[0], 2.0 * along - heading]]))
+            values = values.update(Values.of({Kind.POSE2: (np.array([key]), at)}))
+        else:
+            values = values.update(Values.of({Kind.POINT2: (np.array([key]), place)}))
+    return values
 
 
 def is_told(best: Solution, whole: Submap, system: System, remarks: Sequence[str]) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from teamslam.config import Config
 from teamslam.errors import InputError, SolveError
+from teamslam.geometry import IntArray
 from teamslam.joining import (
     ORDERS,
     Joined,
@@ -24,9 +25,13 @@ from teamslam.joining import (
     exact_join,
     from_map,
     full,
+    join,
     split,
 )
-from teamslam.model import Dataset, Sources, Submap, Values
+from teamslam.joining.exact.gap import frame_of, point_of
+from teamslam.joining.join.join import Component
+from teamslam.joining.join.sides import sides
+from teamslam.model import Dataset, Sources, Submap, Values, told_by
 from teamslam.pipeline.clock import Clock
 from teamslam.scale import Workers, gather, join_in_tree
 from teamslam.solver import Options, each_side_by_side
@@ -38,10 +43,17 @@ LONG = 5000  # rows of a piece from which on its computing outweighs the Python 
 
 
 def mapped(
-    log: Dataset, config: Config, workers: Workers | None, work: Path | None, clock: Clock, near: Joined | None = None
+    log: Dataset,
+    config: Config,
+    workers: Workers | None,
+    work: Path | None,
+    clock: Clock,
+    near: Joined | None = None,
+    lain: bool = False,
 ) -> tuple[list[Dataset], tuple[Submap, ...], Joined]:
     """The pieces of a log, their submaps and the map that these join to; for full least squares the map alone. `near`:
-    a map of the same log that is known, from which all of them start (workers begin from their own)."""
+    a map of the same log that is known, from which all of them start (workers begin from their own), submaps at once as
+    they have `lain` there."""
     submaps: tuple[Submap, ...] = ()
     pieces: list[Dataset] = []
     if config.method == "full":
@@ -52,7 +64,7 @@ def mapped(
         submaps, joined, unbuilt = _on_workers(pieces, workers, work, config.solver, clock)
         joined = with_books(log, joined, unbuilt, ())
     elif config.join.exact:
-        submaps, joined = _in_rounds(log, config, clock, near)
+        submaps, joined = _in_rounds(log, config, clock, near, lain)
     else:
         pieces = pieces_of(log, config)
         clock.start("building submaps", len(pieces))
@@ -60,9 +72,30 @@ def mapped(
         whole = whole_of(built)
         submaps, remarks = tuple(submap for submap, _ in whole), [remark for _, remark in whole]
         clock.start("joining submaps")
-        joined = ORDERS[config.join.order](submaps, options=config.solver)
+        if lain and config.join.order == "at once":
+            joined = join(submaps, near=near, options=config.solver)
+        else:
+            joined = ORDERS[config.join.order](submaps, options=config.solver)
         joined = with_books(log, joined, built, [r for r in remarks if r])
     return pieces, submaps, joined
+
+
+def on_their_sides(log: Dataset, joined: Joined) -> tuple[Joined | None, tuple[str, ...]]:
+    """Maps with robots that ranges alone tie to the rest on the side of it where they cost least, None where they are
+    there; and what fits on the other side as well, in words (see `sides`)."""
+    components, words, moved = list[Component](), list[str](), False
+    for component in joined.components:
+        map, there = component.map, point_of(component.map)
+        lower, near = sides(there, told_by(log.tables, there.layout), frame_of(map))
+        words += [mirrored.sentence(log.names) for mirrored in near]
+        moved = moved or lower is not None
+        values = map.values if lower is None else map.values.update(lower.only(_both(map.values, lower)))
+        components.append(replace(component, map=replace(map, values=values)))
+    return (replace(joined, components=tuple(components)) if moved else None), tuple(words)
+
+
+def _both(one: Values, other: Values) -> IntArray:
+    return np.intersect1d(one.layout.keys, other.layout.keys)
 
 
 def _has_all(joined: Joined, log: Dataset) -> bool:
@@ -102,7 +135,9 @@ def submaps_of(log: Dataset, config: Config) -> list[Submap]:
     return [submap for submap, _ in whole_of(built)]
 
 
-def _in_rounds(log: Dataset, config: Config, clock: Clock, near: Joined | None) -> tuple[tuple[Submap, ...], Joined]:
+def _in_rounds(
+    log: Dataset, config: Config, clock: Clock, near: Joined | None, lain: bool
+) -> tuple[tuple[Submap, ...], Joined]:
     """Submaps built and joined exactly, from the best that can be built of each piece."""
     pieces = pieces_of(log, config)
     clock.start("building submaps", len(pieces))
@@ -112,6 +147,7 @@ def _in_rounds(log: Dataset, config: Config, clock: Clock, near: Joined | None) 
     joined = exact_join(
         [piece for piece, found in zip(pieces, built, strict=True) if not isinstance(found, Unbuilt)],
         choices=choices,
+        near=near if lain else None,
         gap=config.join.gap,
         max_rounds=config.join.max_rounds,
         options=config.solver,

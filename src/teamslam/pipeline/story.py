@@ -24,7 +24,7 @@ from teamslam.model import Dataset, LeftOut, Values, a_kind, is_unnamed
 from teamslam.oddities import plain_oddities
 from teamslam.pipeline.clock import Clock, Progress
 from teamslam.pipeline.in_time import in_time
-from teamslam.pipeline.mapping import in_rounds, mapped, pairs, refuse_workers
+from teamslam.pipeline.mapping import in_rounds, mapped, on_their_sides, pairs, refuse_workers
 from teamslam.pipeline.mending import (
     calibrated,
     carrying_unknowns,
@@ -110,6 +110,9 @@ def _told(
         log, decisions, suspected = cleared(log, config, clock)
         near = found.joined if found is not None and log is as_it_is else None
         pieces, submaps, joined = mapped(log, config, workers, work, clock, near)
+        lower, sides = on_their_sides(log, joined) if workers is None else (None, ())
+        if lower is not None:
+            pieces, submaps, joined = mapped(log, config, workers, work, clock, lower, lain=True)
         if found is not None and workers is None:
             joined = carrying_unknowns(joined, log, found)
     except SolveError as error:
@@ -119,7 +122,7 @@ def _told(
         if added:
             return _told(again, config, clock, workers, work, apart, added, cut)
     put_out = () if suspected is None else suspected.put_out()
-    said = (*added, *put_out)
+    said = (*added, *put_out, *sides)
     joined = replace(joined, remarks=(*joined.remarks, *said), left_out=(*joined.left_out, *cut))
     at = _at(log, joined)
     calibration, seen, judged = None, None, None

@@ -31,7 +31,7 @@ from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, Placement, place
 from teamslam.joining.place.reasons import Held
 from teamslam.joining.start.twofold import RULED_OUT
-from teamslam.model import Dataset, Kind, LeftOut, Submap, expect
+from teamslam.model import WORLD, Dataset, Kind, LeftOut, Submap, Values, expect, is_landmark
 from teamslam.solver import Covariances, Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
 from teamslam.solver.solution import SENSELESS
@@ -218,7 +218,7 @@ def _as_lain(submaps: Sequence[Submap], near: Joined) -> Placement | None:
         frames = _frames_in(component.map, [submaps[n] for n in inside]) if inside else []
         if not frames or component.dearer:
             return None
-        clusters.append(Cluster(inside, frames))
+        clusters.append(Cluster(inside, frames, known=_landmarks_in(component.map, submaps[inside[0]])))
     alone = [(n, _why_out(submaps[n], near)) for n in number.values()]
     if any(why is None for _, why in alone):
         return None
@@ -277,7 +277,7 @@ def _optima(
     problem: SolveError | None = None
     for frames in (cluster.frames, *cluster.others):
         try:
-            found.append(Optimum.of(inside, frames, options, progress))
+            found.append(Optimum.of(inside, frames, options, progress, cluster.known))
         except SolveError as error:
             problem = problem or error
     if problem is not None:
@@ -331,6 +331,16 @@ def _frames_in(whole: Submap, submaps: Sequence[Submap]) -> list[Pose]:
         return []
     poses = values.poses_of(bases, Kind(int(kinds[0])).dim)
     return [poses[0].between(poses[place]) for place in range(len(poses))]
+
+
+def _landmarks_in(whole: Submap, first: Submap) -> Values:
+    """The landmarks of a map, seen from the base of one of the submaps that it was made of."""
+    values = whole.all_values if whole.base >= 0 else whole.values
+    keys = values.layout.keys
+    marks = values.layout.select(is_landmark(keys) & (keys != WORLD) & (values.layout.kinds > Kind.POSE3))
+    base = np.array([first.base])
+    kind = Kind(int(values.layout.kinds[values.layout.index(base)][0]))
+    return values.seen_from(values.poses_of(base, kind.dim)[0], marks)
 
 
 def _excess(optimum: Optimum) -> float:

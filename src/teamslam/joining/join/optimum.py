@@ -44,8 +44,10 @@ class Optimum:
         frames: Sequence[Pose],
         options: Options,
         progress: Callable[[Step], None] | None,
+        known: Values | None = None,
     ) -> "Optimum":
-        """The optimum from these frames of the members.
+        """The optimum from these frames of the members; landmarks that raw rows alone hold are sought from where they
+        are `known` to be, else where these put them.
 
         A landmark that only raw rows hold, and with which there is no solution, is not among what is shared: its rows
         wait. One that the start could not place is looked for again at the optimum, and so are those that were in the
@@ -54,7 +56,8 @@ class Optimum:
         submaps = [member.joined for member in members]
         raw = [table for submap in submaps for table in submap.raw]
         stack = Stack.of(submaps)
-        start, loose, world = triangulate(start_values(stack, frames), raw), np.zeros(0, np.int64), True
+        begun = _with_landmarks(start_values(stack, frames), known, raw)
+        start, loose, world = triangulate(begun, raw), np.zeros(0, np.int64), True
         without: Optimum | None = None  # the landmarks that were in the way
         while True:
             usable, _ = usable_rows(raw, start.layout, world=world)
@@ -70,7 +73,7 @@ class Optimum:
                 if not world or len(fixed) or is_landmark(error.key or 0):
                     start = less(start, loose := np.append(loose, in_the_way(start, error, stack.keys, used)))
                 else:  # positions that looked apart are not: the map is free to turn in the world
-                    start, world = less(triangulate(start_values(stack, frames), raw), loose), False
+                    start, world = less(triangulate(begun, raw), loose), False
                 continue
             if without is not None:
                 return found if found.shared.converged else without
@@ -153,6 +156,15 @@ class Optimum:
         wholes = [member.whole for member in self.members]
         map = joined_map(wholes, self.used, self.solution, self.fixed, self.names, base_dim)
         return replace(map, raw=(*map.raw, *self.aside)) if self.aside else map
+
+
+def _with_landmarks(values: Values, known: Values | None, tables: Iterable[Table]) -> Values:
+    """The values with those landmarks of rows that they lack and that are known."""
+    if known is None:
+        return values
+    named = np.concatenate([NOBODY, *(table.keys.ravel() for table in tables)])
+    keys = np.setdiff1d(known.layout.keys[np.isin(known.layout.keys, named)], values.layout.keys)
+    return values.update(known.only(keys)) if len(keys) else values
 
 
 def in_the_way(values: Values, error: SolveError, held: IntArray, tables: Iterable[Table]) -> IntArray:

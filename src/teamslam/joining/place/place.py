@@ -26,7 +26,7 @@ from teamslam.joining.place.reasons import why_apart
 from teamslam.joining.place.robust_fit import Link, link
 from teamslam.joining.place.ties import MOST, Tied
 from teamslam.joining.place.trusses import ALL_OF_THEM, Body, Found, Judge, Lie, Trusses, frames_in, freedoms
-from teamslam.model import WORLD, Submap, Table
+from teamslam.model import WORLD, Submap, Table, Values
 from teamslam.solver import side_by_side
 
 BRANCHES = 16  # assemblies looked at: a truss in the plane has two, two trusses four; one by ranges in space dozens
@@ -35,11 +35,13 @@ BRANCHES = 16  # assemblies looked at: a truss in the plane has two, two trusses
 @dataclass(frozen=True)
 class Cluster:
     """Submaps in one frame: `members` (places in the list, the root first) and the pose of each one's base in it;
-    `others`: the frames under other assemblies that fit what is shared as well."""
+    `others`: the frames under other assemblies that fit what is shared as well; `known`: landmarks of an earlier map,
+    where it has them in this frame."""
 
     members: list[int]
     frames: list[Pose]
     others: list[list[Pose]] = field(default_factory=list)
+    known: Values | None = None
 
 
 @dataclass(frozen=True)
