@@ -43,3 +43,12 @@ def test_no_mistake_is_seen_without_a_map_either(data: Callable[[str], Path], na
     """As for logs that cannot be solved. Ranges of Plaza 2 shrunk to nothing cost nothing, which is no explanation."""
     log = ts.read(data(name))
     assert not mistakes_of_robots(log, log.robots)
+
+
+def test_smooth_ranges_between_robots_that_odometry_can_follow_are_not_called_exact(
+    data: Callable[[str], Path],
+) -> None:
+    """Of one robot's ranges of another 0.02 cm were made, and NEES/dof of 661."""
+    found = ts.run(data("mrclam5a.pyfg"))
+    (score,) = found.scores
+    assert score.nees_per_dof is not None and score.nees_per_dof < 8.0

@@ -35,6 +35,7 @@ SWEEPS, SETTLED = 2, 0.02  # how many at most, until scales change by less than 
 REFINED = 4  # how often at most it is looked at again how errors fade
 SLIPPING = 0.02  # that a slip comes in of odometry that does not, where something else is wrong
 FALSE_ALARM = 0.01  # that any scale is changed of a team whose sigmas are right
+LEFT = 0.25  # of the variance of sightings' errors: where a map leaves less, it makes small residuals of any errors
 
 Kind = tuple[str, str, int]
 Kinds = Mapping[Kind, tuple[Persistence, ...]]
@@ -230,7 +231,8 @@ class Search:
     def _sizes_of(self, members: Sequence[int], both: Sequence[Array]) -> Sizes:
         squares = np.stack([np.mean(self.now[k].sizes(both[k])[self.moving[k]] ** 2, 0) for k in members])
         scales, rows = np.stack([self.scales[k] for k in members]), np.array([self.moving[k].sum() for k in members])
-        return Sizes.of(squares, scales, rows)
+        least = LEFT if is_sighting(self.linear.tables[members[0]]) else 0.0
+        return Sizes.of(squares, scales, rows, least)
 
     def _by_tables(self, of_kinds: Sequence[Array]) -> list[Array]:
         """What is told of tables kind by kind (k, rows), table by table."""

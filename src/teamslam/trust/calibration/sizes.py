@@ -20,12 +20,16 @@ class Sizes:
     counts: Array
 
     @classmethod
-    def of(cls, squares: Array, scales: Array, rows: Array) -> "Sizes":
+    def of(cls, squares: Array, scales: Array, rows: Array, least: float = 0.0) -> "Sizes":
         """From mean squares (k, rows, 1 + draws) of what is left of errors measured and of errors drawn, `scales` (k,
-        rows) times as large as stated; `rows` (k,): how many there are."""
+        rows) times as large as stated; `rows` (k,): how many there are. Where less than the `least` share is left of
+        those drawn, errors are no smaller than they are taken to be: small residuals there are the map's doing, and by
+        smaller errors it would leave less still, without end."""
         expected = np.maximum(squares[..., 1:].mean(-1), 1e-300)
         spread = squares[..., 1:].std(-1, ddof=1)
-        return cls(scales**2 * squares[..., 0] / expected, spread / expected, expected * rows[:, None])
+        smaller = squares[..., 0] / expected
+        ratio = np.where(expected < least, np.maximum(smaller, 1.0), smaller)
+        return cls(scales**2 * ratio, spread / expected, expected * rows[:, None])
 
     def scales(self, chance: float, common: float = 1.0) -> Array:
         """The scale of each robot's deviations, part by part (k, rows): that of all robots together, but of those that
