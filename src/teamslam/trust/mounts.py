@@ -10,6 +10,7 @@ in the covariances of its map.
 Bound: one stretch, solved once more for each step to where the sensors are.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -32,6 +33,7 @@ MOST = 12  # sensors of a log: of more, all that each may be wrong in is too muc
 PLACE, TURN = 0.5, 0.5  # [m, rad]: how far from its stated place a sensor may be, a standard deviation
 USEFUL = (0.05, 0.02)  # [m, rad]: how well a place must be told to be said to be confirmed
 STEPS = (0.3, 0.2)  # [m, rad]: at most, before all is linearised again
+EACH = 10  # numbers that a sensor measures for each that is unknown of it: of fewer, it would explain some wrong ones
 SMALL = 1e-4
 QUICK = Options(max_iterations=50, decrement=0.01)
 
@@ -41,10 +43,10 @@ Sensor = tuple[int, tuple[str, str, int]]
 def misplaced(log: Dataset, rows: Sequence[Rows]) -> list[Cause]:
     """The sensors of a log that sit elsewhere than it states, in words, with what places them; `rows` are what a map
     leaves of it. None of a log that rests on other things that are unknown."""
-    if not 0 < len(_sensors(log)) <= MOST or log.unknowns is not None:
+    if not 0 < len(_telling(log)) <= MOST or log.unknowns is not None:
         return []
     as_it_is = Trial.of(busiest(log, rows))
-    sensors = _sensors(as_it_is.log)
+    sensors = _telling(as_it_is.log)
     if not sensors or not as_it_is.optima or as_it_is.loudness < SUSPECT:
         return []
     found = settled(Mounts.of(as_it_is.log, sensors), QUICK)
@@ -136,9 +138,13 @@ def _ends(sensors: Sequence[Sensor]) -> IntArray:
     return np.cumsum([_numbers(sensor) for sensor in sensors])[:-1]
 
 
-def _sensors(log: Dataset) -> list[Sensor]:
-    """Those by which its robots see."""
-    return list(dict.fromkeys(_sensor(table) for table in log.tables if _sees(table)))
+def _telling(log: Dataset) -> list[Sensor]:
+    """Those by which its robots see often enough to tell where they are."""
+    measured = Counter[Sensor]()
+    for table in log.tables:
+        if _sees(table):
+            measured[_sensor(table)] += len(table) * table.whitening.shape[-2]
+    return [sensor for sensor, numbers in measured.items() if numbers >= EACH * _numbers(sensor)]
 
 
 def _sensor(table: Table) -> Sensor:

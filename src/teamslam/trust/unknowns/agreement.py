@@ -14,7 +14,7 @@ from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import AtMap
 from teamslam.model import Table, Unknowns, is_landmark
 from teamslam.trust.unknowns.effects import Effects
-from teamslam.trust.unknowns.normal import eliminated
+from teamslam.trust.unknowns.normal import beside_prior, eliminated
 
 AGREE = 4.0  # sigmas: these take rows for independent
 HALF = 0.5
@@ -37,7 +37,8 @@ def contradicted(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) ->
         own, slope = own + left, slope + pull
     for number, unknown in enumerate(unknowns.each):
         mine = slice(number, n * k, k)
-        known = np.linalg.inv(own[mine, mine] + np.eye(n) * VAGUE / unknown.prior**2)
+        vague = unknown.prior / np.sqrt(VAGUE)
+        known = beside_prior(own[mine, mine] + np.eye(n) / vague**2, np.full(n, vague))
         steps, sigmas = known @ slope[mine], np.sqrt(np.diag(known))
         says = sigmas < unknown.prior
         weights = np.where(says, sigmas**-2.0, 0.0)

@@ -47,11 +47,11 @@ def normal_at(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects, kept:
         left, pull = eliminated(at, lambda table, at=at: effects.at(at, table))  # type: ignore[misc]
         own, slope = own + left, slope + pull
     own = 0.5 * (own + own.T)
-    sigmas = np.sqrt(np.diag(np.linalg.inv(own)))
-    free = _free(own, slope, stated - unknowns.values, useful, (clocks, drifts), kept)
+    sigmas = np.sqrt(np.diag(beside_prior(own, prior)))
+    free = _free(own, slope, stated - unknowns.values, prior, useful, (clocks, drifts), kept)
     held = ~np.isin(np.arange(len(own)), free)
     covariance = np.zeros_like(own)
-    covariance[np.ix_(free, free)] = np.linalg.inv(own[np.ix_(free, free)])
+    covariance[np.ix_(free, free)] = beside_prior(own[np.ix_(free, free)], prior[free])
     back = np.where(held, stated - unknowns.values, 0.0)
     step = covariance @ (slope - own @ back) + back
     sigmas[free] = np.sqrt(np.diag(covariance))[free]
@@ -62,6 +62,7 @@ def _free(
     own: Array,
     slope: Array,
     back: Array,
+    prior: Array,
     useful: Array,
     clocks: tuple[IntArray, IntArray],
     kept: BoolArray | None = None,
@@ -72,7 +73,7 @@ def _free(
     the offset, or the drift."""
     free = np.arange(len(own)) if kept is None else np.flatnonzero(~kept)
     while len(free):
-        known = np.linalg.inv(own[np.ix_(free, free)])
+        known = beside_prior(own[np.ix_(free, free)], prior[free])
         sigmas = np.sqrt(np.diag(known))
         stays = np.setdiff1d(np.arange(len(own)), free)
         step = known @ (slope[free] - own[np.ix_(free, stays)] @ back[stays])
@@ -82,6 +83,18 @@ def _free(
             break
         free = np.delete(free, int(np.argmin(against)))
     return free
+
+
+def beside_prior(information: Array, prior: Array) -> Array:
+    """The covariance (k, k) of numbers of which rows and a prior of standard deviations (k,) bring an `information`
+    (k, k), the prior in it: positive definite, and no number known less than by its prior. What elimination leaves of a
+    direction that rows say nothing of is rounding of what was subtracted, and may be less than nothing: it is taken for
+    the least that the prior allows there."""
+    scale = np.sqrt(np.maximum(np.diag(information), prior**-2.0))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    root = vectors / scale[:, None] / np.sqrt(np.maximum(values, np.min((prior * scale) ** -2.0, initial=1.0)))
+    root *= np.minimum(prior / np.linalg.norm(root, axis=1), 1.0)[:, None]
+    return np.asarray(root @ root.T)
 
 
 def eliminated(at: AtMap, effect: Callable[[Table], Array]) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from teamslam.geometry import Array, IntArray
 from teamslam.joining import AtMap
 from teamslam.model import Table, Unknowns
 from teamslam.trust.unknowns.effects import Effects
-from teamslam.trust.unknowns.normal import eliminated
+from teamslam.trust.unknowns.normal import beside_prior, eliminated
 
 COUNT = 12
 TOLD = 0.2  # of the prior: a stretch that knows less says nothing
@@ -49,7 +49,7 @@ def windows_of(maps: Sequence[AtMap], unknowns: Unknowns, effects: Effects) -> t
 
 
 def _told(own: Array, slope: Array, middles: Array, prior: float, value: float) -> list[Window]:
-    known = np.linalg.inv(own + np.eye(COUNT) / prior**2)
+    known = beside_prior(own + np.eye(COUNT) / prior**2, np.full(COUNT, prior))
     sigmas, steps = np.sqrt(np.diag(known)), known @ slope
     return [
         Window(float(stamp), value + float(step), float(sigma))
