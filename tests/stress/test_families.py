@@ -14,6 +14,7 @@ CURED = {
     7000160: "sigmas far apart: a pose was said to be open whose pivot is lost in rounding",
     9000018: "tilted tags among robots of the ground: a frame that was no rotation",
     9000059: "names among robots of ground and air: a planar map was to be seen from a base in space",
+    30000081: "beacons in space: a loss forgave where two had been put before the team was in its place",
     9000042: "a landmark seen in the plane by one, in space by another: constellations that hang loosely ended a run",
 }
 

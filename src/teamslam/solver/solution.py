@@ -98,6 +98,10 @@ class Solution:
         """Whether it costs so much more than noise explains that another optimum, which fits, may have been missed."""
         return self.cost > SENSELESS * max(self.dof, 1)
 
+    def is_lower_than(self, other: "Solution") -> bool:
+        """Whether it is an optimum that costs less, by more than rounding."""
+        return self.converged and self.cost < other.cost - SAME * (1.0 + other.cost)
+
     @property
     def iterations(self) -> int:
         """Steps tried."""

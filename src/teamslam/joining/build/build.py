@@ -147,7 +147,7 @@ def _descended(
             if first.senseless:
                 first = min([first, *problem.driven(options, progress)], key=lambda solution: solution.cost)
             refuse_rounding(problem.system, first)
-            first = problem.upright(first, options, progress)
+            first = problem.upright(problem.placed(first, options, progress), options, progress)
             undecided = problem.undecided(first, options)
             if not len(undecided):
                 break

@@ -20,6 +20,7 @@ from teamslam.geometry import BoolArray, IntArray
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.adrift import adrift
 from teamslam.joining.start.dead_reckoning import own_chain
+from teamslam.joining.start.elsewhere import AGAIN, elsewhere
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
 from teamslam.model import (
@@ -37,7 +38,7 @@ from teamslam.model import (
     is_pose,
     robot_of,
 )
-from teamslam.solver import SAME, Options, Solution, Step, System, firm, optimise
+from teamslam.solver import Options, Solution, Step, System, firm, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start
 TRIED = 8  # landmarks that are tried at another place at most
@@ -108,6 +109,16 @@ class Problem:
         except SolveError:
             return []
 
+    def placed(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
+        """The optimum with landmarks where what sees them costs less, while that gains: itself, where none does."""
+        for _ in range(AGAIN):
+            other = elsewhere(optimum.values, self.system.tables, np.array([self.base]))
+            found = None if other is None else self._lower(optimum, other, options, progress)
+            if found is None:
+                break
+            optimum = found
+        return optimum
+
     def upright(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
         """The optimum with no tag left the wrong way round (see `mirrored` and `yielded`), and no part that hangs on
         one (see `hinges`): itself, where none is."""
@@ -136,7 +147,7 @@ class Problem:
             found = firm(self.system, optimise(self.system, start, options, progress))
         except SolveError:
             return None
-        return found if found.converged and found.cost < optimum.cost - SAME * (1.0 + optimum.cost) else None
+        return found if found.is_lower_than(optimum) else None
 
     def undecided(self, optimum: Solution, options: Options) -> IntArray:
         """Landmarks that fit at two places, or that nothing holds where they came to lie: which place is right the team

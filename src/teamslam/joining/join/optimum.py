@@ -17,6 +17,7 @@ from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.adrift import adrift
+from teamslam.joining.start.elsewhere import AGAIN, elsewhere
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
 from teamslam.solver import Options, Solution, Status, Step, SubmapTerm, System, convex_start, reach
@@ -46,8 +47,34 @@ class Optimum:
         progress: Callable[[Step], None] | None,
         known: Values | None = None,
     ) -> "Optimum":
-        """The optimum from these frames of the members; landmarks that raw rows alone hold are sought from where they
-        are `known` to be, else where these put them.
+        """The optimum from these frames of the members, and from there again with landmarks that only raw rows hold put
+        where what sees them costs less, while that gains; they are sought first from where they are `known` to be, else
+        where these frames put them."""
+        found = cls._first(members, frames, options, progress, known)
+        stack = Stack.of([member.joined for member in members])
+        for _ in range(AGAIN):
+            other = elsewhere(found.shared.values, found.used, np.append(stack.keys, found.fixed))
+            if other is None:
+                break
+            try:
+                again = cls._from(members, stack, other, found.used, found.fixed, options, progress)
+            except SolveError:
+                break
+            if not again.shared.is_lower_than(found.shared):
+                break
+            found = again
+        return found
+
+    @classmethod
+    def _first(
+        cls,
+        members: Sequence[Member],
+        frames: Sequence[Pose],
+        options: Options,
+        progress: Callable[[Step], None] | None,
+        known: Values | None,
+    ) -> "Optimum":
+        """The optimum from these frames of the members, and where landmarks are `known` to be.
 
         A landmark that only raw rows hold, and with which there is no solution, is not among what is shared: its rows
         wait. One that the start could not place is looked for again at the optimum, and so are those that were in the

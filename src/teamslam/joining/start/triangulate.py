@@ -1,7 +1,8 @@
 """Landmarks that no single sighting fixes: placed from several bearings and ranges, where these hold them.
 
     propose:  bearings want the point nearest to all rays, min sum |(1 - u u')(p - c)|^2 with sensors at c, rays u;
-              ranges, |c|^2 - 2 c'p + |p|^2 = r^2, are linear in p and q = |p|^2 (spherical intersection); all at once
+              ranges, |c|^2 - 2 c'p + |p|^2 = r^2, are linear in p and q = |p|^2 (spherical intersection); both together
+              say where p is; all at once
     mirror:   ranges from places nearly in line (in space: in a plane) leave two answers, one on either side
     refine:   a few damped Gauss-Newton steps of each landmark by itself, from each proposal; the lower cost counts
     hold:     a place is taken where its worst standard deviation is below a share of its distance. Beyond that it may
@@ -195,6 +196,10 @@ class Bundle:
             np.minimum.at(found, rays.mark, np.linalg.norm(places[rays.mark] - rays.eyes.translation, axis=-1))
         return found
 
+    def costs_at(self, places: Array) -> Array:
+        """What the sightings of each landmark cost (n,) at these places (n, d)."""
+        return _linearised(self.rays, places)[0]
+
     def held_at(self, places: Array) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance at these places (n, d)."""
         _, _, information = _linearised(self.rays, places)
@@ -258,6 +263,9 @@ def _linear_rows(rays: _Rays, d: int) -> tuple[Array, Array]:
     if table.model == "point":
         pull = table.whitening @ seen
         return _without_square(pull), (table.whitening @ z[..., None] + pull @ centres[..., None])[..., 0]
+    if table.model == "range_bearing":  # unwhitened: along the ray and across it sigmas are of another kind
+        offset = z[:, :1] * directions(table.dim).ray(z[:, 1:])
+        return _without_square(seen), offset + (seen @ centres[..., None])[..., 0]
     if table.model == "range":
         length, c = np.maximum(z, 1e-9), centres * (np.arange(d) < table.dim)
         rows = np.concatenate([-2.0 * c, np.ones((len(table), 1))], 1) / (2.0 * length)
