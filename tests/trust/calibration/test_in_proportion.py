@@ -11,7 +11,8 @@ import teamslam as ts
 from teamslam.config import Config
 from teamslam.geometry import Array
 from teamslam.joining import AtMap, full
-from teamslam.model import Dataset, Kind, Table, Values, index_of, pose_key
+from teamslam.joining.join.held_frame import SOURCE
+from teamslam.model import Dataset, Kind, Table, Values, index_of, pack, pose_key
 from teamslam.pipeline import run
 from teamslam.trust.calibration.estimate import searched
 from teamslam.trust.calibration.noise import Noise
@@ -24,6 +25,8 @@ PARTS: Mapping[str, Callable[[Table], Array]] = {
     "ranges": lambda table: np.arange(table.whitening.shape[-1]) == (-1 if table.is_odometry else 0),
     "bearings": lambda table: np.arange(table.whitening.shape[-1]) == (-1 if table.is_odometry else 1),
 }
+
+NUMBER = np.zeros(1, np.int64)
 
 
 def _stated(log: Dataset, times: float, what: str = "") -> Dataset:
@@ -123,3 +126,21 @@ def test_robots_at_rest_say_nothing_of_how_they_err_under_way() -> None:
         moving, found = _found(log), run(log, Config(method="full")).calibration
         assert not found or not any(s.source == "odometry" for s in found.scales), found
         assert np.allclose(moving[0], stated, rtol=0.3)
+
+
+def test_where_a_map_is_chosen_to_be_is_no_measurement_and_as_exact_as_it_was_said_to_be() -> None:
+    """Of a world of which only headings were measured, places are a choice. (A turn of it was said to be known 3,000
+    times as well: NEES/dof 2,765.)"""
+    log = _stated(team(4), 2.0)
+    base = int(log.pose_keys[1][0])
+    truth = log.truth
+    assert truth is not None
+    whitening = 1000.0 * np.eye(3)[None]
+    row = Table(1, SOURCE, "pose", 2, np.array([[base]]), pack(truth.poses_of(np.array([base]), 2)), whitening, NUMBER)
+    log = log.with_tables([*log.tables, row])
+    search, _ = searched(linear_at(AtMap(log.tables, full(log).map)))
+    for table, scales in zip(search.linear.tables, search.scales, strict=True):
+        if table.source == SOURCE:
+            np.testing.assert_array_equal(scales, 1.0)
+        elif table.source == "landmarks":
+            np.testing.assert_allclose(scales, 0.5, atol=0.1)

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray
+from teamslam.joining.join.held_frame import SOURCE as CHOSEN
 from teamslam.model.losses import SQUARED
 from teamslam.trust.calibration.balance import balanced
 from teamslam.trust.calibration.choice import Choice
@@ -51,9 +52,9 @@ class Search:
         for k, table in enumerate(tables):
             if is_sighting(table):
                 self.kinds.setdefault(table.kind, []).append(k)
-        self.alike = [
-            [k for k, t in enumerate(tables) if t.kind == kind] for kind in dict.fromkeys(t.kind for t in tables)
-        ]
+        measured = [k for k, t in enumerate(tables) if t.source != CHOSEN]
+        kinds = dict.fromkeys(tables[k].kind for k in measured)
+        self.alike = [[k for k in measured if tables[k].kind == kind] for kind in kinds]
         self.pairs = {kind: Pairs.of([tables[k] for k in mine], linear.names) for kind, mine in self.kinds.items()}
         self.moving = [under_way(table) for table in tables]
         self.scales = [np.ones(noise.deviation.shape[1]) for noise in stated]
@@ -235,13 +236,13 @@ class Search:
         return Sizes.of(squares, scales, rows, least)
 
     def _by_tables(self, of_kinds: Sequence[Array]) -> list[Array]:
-        """What is told of tables kind by kind (k, rows), table by table."""
+        """What is told of tables kind by kind (k, rows), table by table; of what was no measurement nothing."""
         told = {
             k: each
             for members, of in zip(self.alike, of_kinds, strict=True)
             for k, each in zip(members, of, strict=True)
         }
-        return [told[k] for k in range(len(told))]
+        return [told.get(k, np.ones_like(scale)) for k, scale in enumerate(self.scales)]
 
     def _in_common(self, scales: Sequence[Array]) -> float:
         """What all scales but those of what a map hides have in common."""
