@@ -36,6 +36,9 @@ from teamslam.model import (
 )
 from teamslam.model.sensors import pose_of
 
+UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}  # in a second
+ALIKE = 1.5  # times as long as the odometry, at most, sightings of the same drive go on
+
 
 @dataclass(frozen=True, eq=False)
 class Stream:
@@ -75,9 +78,10 @@ def place_keyframes(
         ways[robot] = way.with_keyframes(index_of(wanted[of_robot == robot]), tolerance)
     placed = [table if is_increment(table) else _at_keyframes(table, ways) for table in tables]
     dropped = [
-        Dropped(lost, f"robot {names.robot(table.robot)}: {table.source} where a robot has no odometry")
+        Dropped(lost, f"robot {names.robot(table.robot)}: {table.source} where a robot has no odometry{other}")
         for table, left in zip(tables, placed, strict=True)
         if (lost := len(table) - len(left))
+        for other in [_another_clock(table, ways, names) if 2 * lost > len(table) else ""]
     ]
     # Keyframes that only lost sightings wanted are not among these.
     used = _poses_of(table for table in placed if not is_increment(table))
@@ -86,6 +90,25 @@ def place_keyframes(
         for table in placed
     ]
     return cut + [_between(s, index_of(used[robot_of(used) == s.robot]), names) for s in streams], dropped
+
+
+def _another_clock(table: Table, ways: dict[int, "_Way"], names: Names) -> str:
+    """What the stamps of sightings beside those of their robot's odometry look like, where another clock explains why
+    most of them lie where there is none."""
+    way, ticks = ways[table.robot], index_of(table.keys[robot_of(table.keys) == table.robot])
+    if names.counts or not len(ticks) or not len(way.start):
+        return ""
+    (a, b), (c, d) = ((float(t[0]), float(t[1])) for t in ((ticks.min(), ticks.max()), (way.start[0], way.stop.max())))
+    spans = (
+        f"; they are stamped {a * names.tick_s:.3f} to {b * names.tick_s:.3f} s, the odometry {c * names.tick_s:.3f} "
+        f"to {d * names.tick_s:.3f} s"
+    )
+    for times, unit in UNITS.items():
+        if 0.5 * (d - c) < (b - a) / times < ALIKE * (d - c) and a / times < d and b / times > c:
+            return f"{spans}: their stamps look like {unit}, and seconds are expected"
+    if (a > d or b < c) and b - a < ALIKE * (d - c):
+        return f"{spans}: do both clocks count from one zero?"
+    return ""
 
 
 def _poses_of(tables: Iterable[Table]) -> IntArray:

@@ -154,7 +154,9 @@ ELSEWHERE = (
     "it is written in another frame than what was measured in the world, {:,.3g} m from there: compared after one "
     "alignment"
 )
-STRANGERS = "the errors are as large as the map itself: is this the truth of this team, in this world?"
+STRANGERS = (
+    "the errors are as large as the map itself. Where its model fits: is this the truth of this team, in this world?"
+)
 
 
 def _fields(record: Any) -> dict[str, Any]:

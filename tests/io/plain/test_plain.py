@@ -251,6 +251,31 @@ def test_a_sighting_without_odometry_is_left_out_and_counted(tmp_path: Path) -> 
     assert len(found.tables[1]) == 1 and len(found.tables[0]) == 3
 
 
+@pytest.mark.parametrize(
+    ("times", "since", "said"),
+    [
+        (1e3, 0.0, "their stamps look like milliseconds"),
+        (1e6, 0.0, "their stamps look like microseconds"),
+        (1.0, 3600.0, "3600.500 to 3604.500 s, the odometry 0.000 to 5.000 s: do both clocks count from one zero?"),
+    ],
+)
+def test_sightings_by_another_clock_than_the_odometry_are_told_what_it_looks_like(
+    tmp_path: Path, times: float, since: float, said: str
+) -> None:
+    odometry = "from_stamp,to_stamp,x,y,theta\n" + "".join(f"{n},{n + 1},1,0,0.5\n" for n in range(5))
+    rows = [f"{since + times * (n + 0.5)},7,2,0.5" for n in range(5)]
+    found = plain.read(
+        folder(tmp_path, odometry=odometry, landmarks="\n".join(["stamp,landmark,range,bearing", *rows]))
+    )
+    assert any(said in dropped.reason for dropped in found.dropped)
+
+
+def test_a_clock_that_was_set_back_an_hour_is_told(tmp_path: Path) -> None:
+    odometry = "from_stamp,to_stamp,x,y,theta\n7200,7201,1,0,0.5\n7201,3602,1,0,0.5\n3602,3603,1,0,0.5\n"
+    with pytest.raises(InputError, match="back by 3599 s, about an hour: a clock that was set back"):
+        plain.read(folder(tmp_path, odometry=odometry))
+
+
 def test_a_robot_that_is_seen_gets_a_pose(tmp_path: Path) -> None:
     team = TEAM.replace('[[robot]]\nname = "red"', '[[robot]]\nname = "red"\n[[robot]]\nname = "blue"')
     team = team.replace('robot = "red"\nsigma = [0.1, 0.1', "sigma = [0.1, 0.1").replace("landmarks.csv", "robots.csv")

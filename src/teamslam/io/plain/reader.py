@@ -132,7 +132,7 @@ def read_tables(
     whitening = read_noise(csv, noise, log.sigma, log.covariance)
     given_ids = csv.numbers("id")[:, 0] if csv.has("id") else None
     if team.keyframes == "interpolate" and source == "odometry" and csv.has("from_stamp"):
-        _check_order(csv, keys, values)
+        _check_order(csv, keys, values, team.tick_s)
     tables = []
     for robot in _speakers(log, roster, robots):
         rows = np.flatnonzero(robots == robot)
@@ -283,12 +283,13 @@ def _landmarks(csv: Csv, roster: Roster, robots: IntArray, place: int, unary: bo
     return target
 
 
-def _check_order(csv: Csv, keys: IntArray, values: Array) -> None:
+def _check_order(csv: Csv, keys: IntArray, values: Array, tick_s: float) -> None:
     """InputError where an increment goes back in time or overlaps one before it."""
     start, stop = keys.T
     back = np.flatnonzero(stop <= start)
     if len(back):
-        raise csv.fail(int(back[0]), "to_stamp is not after from_stamp; an increment leads forward in time", "to_stamp")
+        said = "to_stamp is not after from_stamp; an increment leads forward in time"
+        raise csv.fail(int(back[0]), f"{said}{_by_an_hour((start - stop)[back[0]] * tick_s)}", "to_stamp")
     order = np.lexsort((start, robot_of(start)))
     whole = np.concatenate([keys, np.ascontiguousarray(values, dtype=float).view(np.int64)], -1)
     same = np.all(whole[order[1:]] == whole[order[:-1]], -1)  # repeated rows are counted later
@@ -303,6 +304,17 @@ def _check_order(csv: Csv, keys: IntArray, values: Array) -> None:
             f"overlaps the increment on line {int(csv.lines[earlier])}; each moment belongs to one row",
             "from_stamp",
         )
+
+
+def _by_an_hour(back_s: float) -> str:
+    """What a leap back of nearly whole hours looks like; nothing for others."""
+    hours = round(back_s / 3600.0)
+    if not hours or abs(back_s - 3600.0 * hours) > 60.0:
+        return ""
+    return (
+        f". It leads back by {back_s:.6g} s, about {'an hour' if hours == 1 else f'{hours} hours'}: a clock that was "
+        "set back, as at the end of summer time; add it to all stamps from here on, in all files alike"
+    )
 
 
 def _check_starts(csv: Csv, start: IntArray) -> None:
