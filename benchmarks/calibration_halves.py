@@ -1,10 +1,12 @@
 """Whose errors are what calibrated landmarks are still off by: the truth's, or those of the robots that saw them.
 
     python benchmarks/calibration_halves.py MRCLAM_Dataset9 MRCLAM_Dataset6 --out docs/benchmarks/calibration_halves.md
+    python benchmarks/calibration_halves.py MRCLAM_Dataset1 --unmoved MRCLAM_Dataset6 MRCLAM_Dataset7
 
 Two halves of a log, by time (all robots) and by robots (the odd and the even), each mapped alone: full least squares,
-calibrated. With e1, e2 the errors of landmarks, C1, C2 their covariances, and M = (C1 + C2)^-1 without what a motion of
-the whole does,
+calibrated; and two whole logs among landmarks that nobody moved in between (by the survey of each, MRCLAM 6 and 7 are
+such: within 1.1 mm). With e1, e2 the errors of landmarks, C1, C2 their covariances, and M = (C1 + C2)^-1 without what a
+motion of the whole does,
 
     apart      (e1 - e2)' M (e1 - e2) / tr M (C1 + C2)        1 where both halves know what they claim
     to truth   e' M e / tr M C                                of each half
@@ -51,9 +53,12 @@ def main() -> None:
     """Cut, map, compare and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("logs", type=Path, nargs="+")
+    parser.add_argument("--unmoved", type=Path, nargs=2, default=())
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
     command = "python benchmarks/calibration_halves.py " + " ".join(log.name for log in asked.logs)
+    if asked.unmoved:
+        command += " --unmoved " + " ".join(log.name for log in asked.unmoved)
     page = HEAD.format(command=command, what=(__doc__ or "").strip().split("\n\n", 2)[2])
     print(page, end="")
     for path in asked.logs:
@@ -64,6 +69,14 @@ def main() -> None:
             line = f"| {path.name}, {name} | {compared(one, other, log.truth)} |"
             print(line, flush=True)
             page += line + "\n"
+    if asked.unmoved:
+        logs = [read(path) for path in asked.unmoved]
+        truth = logs[0].truth
+        assert truth is not None
+        one, other = map(Half.of, logs)
+        line = f"| {' and '.join(path.name for path in asked.unmoved)} | {compared(one, other, truth)} |"
+        print(line)
+        page += line + "\n"
     if asked.out:
         asked.out.write_text(page)
 

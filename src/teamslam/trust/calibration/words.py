@@ -5,7 +5,10 @@ from collections.abc import Iterator
 from teamslam.trust.calibration.calibrate import Calibration
 from teamslam.trust.cause import rows_called
 
-IN_WORDS = {"depth": "measuring depth in place of distance (1: wholly)"}  # of terms whose name does not say it
+IN_WORDS = {  # of terms whose name does not say it
+    "depth": "measuring depth in place of distance (1: wholly)",
+    "depth askew": "measuring it along an axis to the left of ahead",
+}
 
 
 def sentences(found: Calibration) -> list[str]:
