@@ -153,6 +153,8 @@ def _poses(lost: LeftOut, rows: list[Table], outcome: Outcome, oracle: Oracle, f
             rows_on = [t.select(np.isin(t.keys, around).any(1)) for t in outcome.log.tables]
             around = [int(k) for k in spoken_of(rows_on) if is_pose(int(k)) and int(k) in mapped][:1]
         open_ = all(weak(oracle, *_observer(one, key)) for one in around)
+        if "what was seen from there" in lost.reason:
+            open_ |= not fixes_a_place(outcome.log, key)
         if "a loss forgives" in lost.reason:
             whole = [t for t in tables if t.model == "relative_pose" and len(t)]
             open_ |= all(t.loss.name != "squared" and t.robot != robot_of(np.int64(key)) for t in whole)

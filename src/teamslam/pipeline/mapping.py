@@ -29,6 +29,7 @@ from teamslam.joining import (
     split,
 )
 from teamslam.joining.exact.gap import frame_of, point_of
+from teamslam.joining.join.bystanders import Bystander
 from teamslam.joining.join.join import Component
 from teamslam.joining.join.sides import sides
 from teamslam.model import Dataset, Sources, Submap, Values, told_by
@@ -210,7 +211,14 @@ def build_from(start: Values | None, piece: Dataset, options: Options) -> tuple[
     return submap, f"submap {submap.id} stopped {solution.decrement:.2g} sigma from its optimum, and is used as it is"
 
 
-def with_books(log: Dataset, joined: Joined, built: Sequence[object], remarks: Sequence[str]) -> Joined:
-    """A map of a log with its books, where some of what was `built` is `Unbuilt`, and with what was remarked of it."""
+def with_books(
+    log: Dataset,
+    joined: Joined,
+    built: Sequence[object],
+    remarks: Sequence[str],
+    stood_by: Sequence[Bystander] = (),
+) -> Joined:
+    """A map of a log with its books, where some of what was `built` is `Unbuilt`, and with what was remarked of it;
+    and some poses `stood_by` already."""
     lost = [found for found in built if isinstance(found, Unbuilt)]
-    return accounted(log, replace(joined, remarks=(*joined.remarks, *remarks)), lost)
+    return accounted(log, replace(joined, remarks=(*joined.remarks, *remarks)), lost, stood_by)

@@ -2,6 +2,7 @@
 with its noise."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from teamslam.config import Config
 from teamslam.errors import SolveError
 from teamslam.joining import ORDERS, AtMap, Joined, Unbuilt, exact_join, full, join
+from teamslam.joining.join.bystanders import Bystander
 from teamslam.joining.join.held_frame import with_frame
 from teamslam.joining.start.blunt import blunt, with_levels
 from teamslam.model import Dataset, LeftOut, Submap, Values
@@ -149,6 +151,11 @@ def completed(dataset: Dataset, joined: Joined) -> tuple[Dataset, tuple[str, ...
     return dataset, tuple(words)
 
 
+NOT_AS_BEFORE = (
+    "put right, the submaps do not join again as they did; the map is that of full least squares from where they lay"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Again:
     """A log put right and mapped once more: its `pieces`, their `submaps` and what these make together (`of_submaps`);
@@ -170,13 +177,12 @@ def once_more(
     joined: Joined,
     clock: Clock,
 ) -> Again:
-    """The map of the log put right, from the map there is."""
+    """The map of the log put right, from the map there is. Where its submaps do not join again as they did, it is that
+    of full least squares from there, which says so. SolveError where neither ends in an optimum, as that map did."""
     right, near = calibration.put_right(log), _moved(joined, calibration)
     clock.start("once more, put right")
     if config.method == "full":
-        again = full(right, initial=near, options=config.solver)
-        again, held = _carrying(again, calibration, right)
-        return Again([], (), again, with_books(right, again, _unbuilt(joined, again, right), ()), held)
+        return _at_once(right, near, calibration, config)
     whole = pairs(pieces or pieces_of(log, config), submaps)
     clock.start("once more, put right", len(whole))
     right_pieces = [calibration.put_right(piece) for piece, _ in whole]
@@ -194,15 +200,36 @@ def once_more(
             max_rounds=config.join.max_rounds,
             options=config.solver,
         )
-        further, held = _carrying(again, calibration, right)
+        further, held = carrying_errors(again, calibration, right)
     else:
         built = [
             calibration.carried_by(submap, rows_inside(submap, p)) for submap, p in zip(built, pieces, strict=True)
         ]
         again = _joined_again(built, near, config)
         further, held = _a_step_further(again, calibration, log)
+    if not _as_whole(further, joined):
+        with suppress(SolveError):
+            other = _at_once(right, near, calibration, config)
+            if _as_whole(other.joined, joined):
+                said = replace(other.joined, remarks=(*other.joined.remarks, NOT_AS_BEFORE))
+                return replace(other, pieces=pieces, submaps=tuple(built), joined=said)
+        if joined.converged and not further.converged:
+            raise SolveError("with the noise put right no optimum was found from where the map lies")
     with_its_books = with_books(right, further, [*made, *_unbuilt(joined, further, right)], remarks)
     return Again(pieces, tuple(built), again, with_its_books, held)
+
+
+def _at_once(right: Dataset, near: Joined, calibration: Calibration, config: Config) -> Again:
+    """Full least squares of a log that was put right, from the map there is."""
+    again, held = carrying_errors(full(right, initial=near, options=config.solver), calibration, right)
+    books = with_books(right, again, _unbuilt(near, again, right), (), _stood_by(near, again))
+    return Again([], (), again, books, held)
+
+
+def _as_whole(again: Joined, before: Joined) -> bool:
+    """Whether maps hold as much as those before, and have ended where those had."""
+    numbers = [sum(submap.rows for submap in joined.maps) for joined in (again, before)]
+    return numbers[0] >= numbers[1] and (again.converged or not before.converged)
 
 
 def _built_from(start: Values, piece: Dataset, config: Config) -> tuple[Submap, str] | Unbuilt:
@@ -214,10 +241,20 @@ def _built_from(start: Values, piece: Dataset, config: Config) -> tuple[Submap, 
 
 def _unbuilt(joined: Joined, again: Joined, log: Dataset) -> list[Unbuilt]:
     """The pieces of a log that are in no map of it, by the books of its first one, and not in another one either."""
-    known = np.concatenate([submap.keys for submap in again.maps])
-    lost = [out for out in joined.left_out if out.kind == "piece" and not np.isin(out.keys, known).any()]
+    lost = [out for out in _lost(joined, again) if out.kind == "piece"]
     parts = (log.with_tables(t.select(out.rows.rows_of(t)) for t in log.tables) for out in lost)
     return [Unbuilt(log.with_tables(t for t in p.tables if len(t)), o.reason) for p, o in zip(parts, lost, strict=True)]
+
+
+def _stood_by(joined: Joined, again: Joined) -> list[Bystander]:
+    """The poses that are in no map of a log, by the books of its first one, and not in another one either."""
+    return [Bystander(out.keys, out.reason) for out in _lost(joined, again) if out.kind == "poses"]
+
+
+def _lost(joined: Joined, again: Joined) -> list[LeftOut]:
+    """What is in no map of a log, by the books of its first one, and not in another one either."""
+    known = np.concatenate([submap.keys for submap in again.maps])
+    return [out for out in joined.left_out if not np.isin(out.keys, known).any()]
 
 
 def carrying_unknowns(joined: Joined, log: Dataset, found: Settled) -> Joined:
@@ -242,13 +279,18 @@ def _moved(joined: Joined, calibration: Calibration) -> Joined:
     return replace(joined, components=tuple(moved))
 
 
-def _carrying(joined: Joined, calibration: Calibration, log: Dataset) -> tuple[Joined, Calibration]:
+def carrying_errors(joined: Joined, calibration: Calibration, log: Dataset) -> tuple[Joined, Calibration]:
     """Maps at the optimum of a log that was put right, with the systematic errors of its measurements among their
-    variables, and the calibration as they hold it."""
+    variables, and the calibration as they hold it. Where no optimum was found, a map holds them by what rows say where
+    it is; or none, where rows do not determine it there."""
     components = []
     for component in joined.components:
-        map, calibration = calibration.carried_on(component.map, AtMap(log.tables, component.map).tables)
-        components.append(replace(component, map=map))
+        here = AtMap(log.tables, component.map)
+        with suppress(SolveError):
+            map = component.map if component.converged else here.renewed
+            map, calibration = calibration.carried_on(map, here.tables)
+            component = replace(component, map=map)
+        components.append(component)
     return replace(joined, components=tuple(components)), calibration
 
 

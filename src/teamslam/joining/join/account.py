@@ -36,6 +36,9 @@ FORGIVEN = (
     "no map holds them: their own robot measured nothing from there, and where others saw them a loss forgives; such a"
     " sighting could be wrong, and nothing else tells; a second row about that pose would, or a squared loss"
 )
+UNSEEN = "no map holds them: nothing was measured from there, and what others saw of them leaves part of them open"
+SEEN = "no map holds them: what was seen from there, or of them, leaves part of them open"
+SEEN_OR_FORGIVEN = SEEN + ", but for what a loss forgives, which could be wrong"
 ALONE = "no odometry leads to it or from it, and nothing seen from there fixes a place by itself"
 CONTRADICT = (
     "with them no optimum was found, and the map of the rest has them far off: they, or their stamps, may be wrong"
@@ -56,21 +59,24 @@ class Unbuilt:
     reason: str
 
 
-def accounted(log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = ()) -> Joined:
+def accounted(
+    log: Dataset, joined: Joined, unbuilt: Sequence[Unbuilt] = (), stood_by: Sequence[Bystander] = ()
+) -> Joined:
     """The join with all that is in none of its maps. Law: what `log` holds is in one of the maps or in `left_out`,
     every variable and every row once. Robots that brought nothing and landmarks with two places are remarks. A map that
-    would hold one pose and nothing else, or nothing that others do not place, is none. Raises SolveError where there is
-    no other."""
+    would hold one pose and nothing else, or nothing that others do not place, is none: such poses stood by, as those
+    did that are known to have `stood_by`. Raises SolveError where there is no other map."""
     joined, lone = _without_lone(log, joined)
-    joined, stood_by = without_bystanders(joined)
-    left_out = tuple(_Books(log, [c.map for c in joined.components]).entries([*unbuilt, *lone], stood_by))
+    joined, found = without_bystanders(joined)
+    books = _Books(log, [c.map for c in joined.components])
+    left_out = tuple(books.entries([*unbuilt, *lone], [*stood_by, *found]))
     silent = [log.names.robot(robot) for robot, poses in log.pose_keys.items() if not len(poses)]
     remarks = [f"robot {name} measured nothing, and nobody saw it: it is in no map" for name in silent]
     twofold = [second_places(c.map, log.tables) for c in joined.components]
-    for component, found in zip(joined.components, twofold, strict=True):
-        remarks += sentences(component.map, found)
+    for component, two in zip(joined.components, twofold, strict=True):
+        remarks += sentences(component.map, two)
     pairs = zip(joined.components, twofold, strict=True)
-    components = tuple(replace(component, second_places=tuple(undecided(found))) for component, found in pairs)
+    components = tuple(replace(component, second_places=tuple(undecided(two))) for component, two in pairs)
     return replace(joined, components=components, left_out=left_out, remarks=(*joined.remarks, *remarks), log=log)
 
 
@@ -163,7 +169,9 @@ class _Books:
             reason = why_open(key, parts, self.maps)
             yield self._taken("landmark", self.names.describe(key), np.array([key]), rows_of, reason)
         for robot in np.unique(robot_of(self.missing[is_pose(self.missing)])).tolist():
-            yield self._without(self.missing[robot_of(self.missing) == robot])
+            poses = self.missing[robot_of(self.missing) == robot]
+            measured = self._measured(poses)
+            yield from (self._without(some) for some in (poses[measured], poses[~measured]) if len(some))
         for number, table in enumerate(self.log.tables):
             for loose, reason in self._why_loose(table, self.open[number]) if self.open[number].any() else ():
                 mine = [np.zeros(len(t), bool) for t in self.log.tables]
@@ -175,7 +183,7 @@ class _Books:
         """Poses of one robot, and all rows about them."""
         rows_of = [m & np.isin(t.keys, poses).any(1) for t, m in zip(self.log.tables, self.open, strict=True)]
         what = f"{len(poses)} pose{'' if len(poses) == 1 else 's'} of robot {self.names.robot(int(robot_of(poses[0])))}"
-        return self._taken("poses", what, poses, rows_of, reason or self._why_nowhere(rows_of))
+        return self._taken("poses", what, poses, rows_of, reason or self._why_nowhere(poses, rows_of))
 
     def _taken(self, kind: str, what: str, keys: IntArray, rows: Sequence[BoolArray], reason: str) -> LeftOut:
         """An entry with some of what is missing, which is then nobody else's."""
@@ -186,16 +194,19 @@ class _Books:
         tables = [t for t in tables if len(t)]
         return LeftOut(kind, what, gone, Sources.of(tables), sum(map(len, tables)), reason)
 
-    def _why_nowhere(self, rows: Sequence[BoolArray]) -> str:
+    def _why_nowhere(self, poses: IntArray, rows: Sequence[BoolArray]) -> str:
         """Why no map holds poses of which these rows speak."""
         parts = [t.select(m) for t, m in zip(self.log.tables, rows, strict=True) if m.any()]
-        seen = [t for t in parts if t.model == "relative_pose" and (t.ranks == t.row.residual_rows(t.dim)).any()]
-        if any(t.loss.name != "squared" for t in seen):
-            return FORGIVEN
-        return (
-            "no map holds them: nothing that its own robot measured from there, or what others saw of it leaves part "
-            "of them open"
-        )
+        whole = [t for t in parts if t.model == "relative_pose" and (t.ranks == t.row.residual_rows(t.dim)).any()]
+        forgiven = any(t.loss.name != "squared" for t in whole)
+        if self._measured(poses).any():
+            return SEEN_OR_FORGIVEN if forgiven else SEEN
+        return FORGIVEN if forgiven else UNSEEN
+
+    def _measured(self, poses: IntArray) -> BoolArray:
+        """From which poses (n,) their own robot measured something that is in no map."""
+        from_there = [t.keys[m, 0] for t, m in zip(self.log.tables, self.open, strict=True) if not t.row.unary]
+        return np.isin(poses, np.concatenate([np.zeros(0, np.int64), *from_there]))
 
     def _why_loose(self, table: Table, rows: BoolArray) -> Iterator[tuple[BoolArray, str]]:
         """Why rows are in no map though all that they speak of is in some; of those that one holds, which and why."""

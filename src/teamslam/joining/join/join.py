@@ -81,6 +81,11 @@ class Component:
         return f"Component({self.map!r}, of {len(self.members)} submaps)"
 
     @property
+    def converged(self) -> bool:
+        """Whether its map is at an optimum, as a submap left alone is."""
+        return self.solution is None or self.solution.converged
+
+    @property
     def ambiguities(self) -> tuple[str, ...]:
         """The other ways to put the submaps together, in words."""
         return tuple(
@@ -125,7 +130,7 @@ class Joined(Answers):
     @property
     def converged(self) -> bool:
         """True where every component reached an optimum."""
-        return all(c.solution is None or c.solution.converged for c in self.components)
+        return all(component.converged for component in self.components)
 
     def residuals(self, log: Dataset | None = None) -> ResidualTable:
         """How far every row of the log is off at the maps. Submaps hold no rows: what was joined of them needs the
