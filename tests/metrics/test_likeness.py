@@ -52,4 +52,4 @@ def test_of_the_truth_itself_nothing_is_said() -> None:
     assert score(MAP, truth).note == ""
     assert score(MAP, truth.transform(Pose.from_xytheta(np.array([3.0, -4.0, 2.0])))).note == ""
     other = simulate(Options(space="2d", robots=2, poses=30, world_seed=9), 8).truth
-    assert other is not None and "fits" not in score(MAP, other).note
+    assert other is not None and "it fits" not in score(MAP, other).note
