@@ -180,7 +180,8 @@ def _supported(looks: Looks, mistake: Mistake, closings: Sequence[Closing], unit
 
 def names_of_slips(tables: Sequence[Table]) -> list[str]:
     """The slips that some tables of one sensor may hold."""
-    return list(dict.fromkeys(slip.name for table in tables for slip in slips(table.model, table.dim)))
+    held = ((table, slip) for table in tables for slip in slips(table.model, table.dim))
+    return list(dict.fromkeys(slip.name for table, slip in held if not (slip.of_eyes and table.is_odometry)))
 
 
 def slip_of(name: str, robots: tuple[int, ...], tables: Sequence[Table]) -> Mistake:

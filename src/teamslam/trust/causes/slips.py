@@ -31,7 +31,7 @@ class Slip:
 
     `unit` is log f of all numbers of a row together; `sigma`, by how much the standard deviations of each number are to
     be multiplied, where they were written in another unit too; `changes`, how much is changed: of two slips that fit
-    alike, the lesser is meant.
+    alike, the lesser is meant; `of_eyes`: of what a robot sees alone, and not of its odometry.
     """
 
     kind: str
@@ -41,6 +41,7 @@ class Slip:
     unit: float = 0.0
     changes: int = 1
     sigma: tuple[float, ...] = ()
+    of_eyes: bool = False
 
     @property
     def written(self) -> float:
@@ -108,6 +109,7 @@ def _slips(model: str, measure: Measure, dim: int) -> Iterator[Slip]:
             yield Slip(kind, f"axes {_signature(axes)}", looks, undo, changes=_changed(axes))
     if measure.poses:
         yield Slip("direction", "inverse", "poses are the wrong way round", partial(_inverse, dim))
+        yield from _slips_of_mounts(dim)
         yield from _slips_of_turns(dim)
 
 
@@ -123,6 +125,17 @@ def _slips_of_turns(dim: int) -> Iterator[Slip]:
         looks = f"places are in other axes than turns: they fit as {_read_as(axes)}"
         undo = partial(_placed_in_axes, axes, dim)
         yield Slip("axes", f"places {_signature(axes)}", looks, undo, changes=1 + _changed(axes))
+
+
+def _slips_of_mounts(dim: int) -> Iterator[Slip]:
+    """A sensor that is turned on its robot by quarter turns, while what it sees has axes of its own."""
+    for axes in every_axes(dim):
+        if np.linalg.det(axes) > 0.0:
+            looks = f"their sensor is turned on its robot: they fit, places and turns, as {_read_as(axes)}"
+            name = f"seen {_signature(axes)}"
+            yield Slip(
+                "direction", name, looks, partial(_seen_in_axes, axes, dim), changes=_changed(axes), of_eyes=True
+            )
 
 
 TURNS = "turns have the wrong sign"
@@ -170,6 +183,12 @@ def _turned_in_axes(axes: Array, dim: int, z: Array) -> Array:
 def _placed_in_axes(axes: Array, dim: int, z: Array) -> Array:
     pose = pose_of(z, dim)
     return pack(Pose(pose.rotation, pose.translation @ axes.T))
+
+
+def _seen_in_axes(axes: Array, dim: int, z: Array) -> Array:
+    """One end of a pose, that which looks, is written in other axes."""
+    pose = pose_of(z, dim)
+    return pack(Pose(axes @ pose.rotation, pose.translation @ axes.T))
 
 
 def _pose_in_axes(axes: Array, dim: int, z: Array) -> Array:
