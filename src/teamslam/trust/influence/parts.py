@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from teamslam.geometry import Array, BoolArray, IntArray
-from teamslam.joining.exact.gap import frame_of, point_of
+from teamslam.joining.exact.gap import frame_of
 from teamslam.joining.join.interiors import Member, members_of
 from teamslam.joining.join.join import in_order
 from teamslam.joining.join.optimum import usable_rows
@@ -54,7 +54,7 @@ class Problem:
     def of(cls, submaps: Sequence[Submap], joined: Submap) -> "Problem":
         """The problem of the map that some submaps were joined into; interiors are eliminated where that pays."""
         members = members_of(in_order(submaps))
-        known = point_of(joined)
+        known = joined.all_values if joined.base >= 0 else joined.values  # systematic errors among them
         used = [tuple(usable_rows(member.joined.raw, known.layout)[0]) for member in members]
         return cls(tuple(members), tuple(used), known.only(_named(zip(members, used, strict=True))), frame_of(joined))
 
