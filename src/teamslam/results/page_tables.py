@@ -154,11 +154,16 @@ def _largest(part: Residuals) -> np.ndarray:
 def _calibration(report: Report) -> Table:
     """What was wrong with the sensors, clocks among it, as far as the data show it."""
     rows = [
-        [e["robot"], e["source"], e["term"], f"{e['value']:.3g}", f"{e['sigma']:.2g}", f"{e['prior']:.2g}", e["unit"]]
+        [e["robot"], e["source"], _term(e), f"{e['value']:.3g}", f"{e['sigma']:.2g}", f"{e['prior']:.2g}", e["unit"]]
         for e in (report.get("calibration") or {}).get("systematic", [])
     ]
     columns = ("robot", "sensor", "systematic error", "value", "sigma", "before", "unit")
     return Table("Calibration", columns, rows, "Before: the standard deviation it was given before the data spoke.")
+
+
+def _term(error: dict[str, Any]) -> str:
+    """Which error it is, and of which landmark, where it is of one."""
+    return f"{error['term']}: {error['landmark']}" if "landmark" in error else str(error["term"])
 
 
 def _left_out(report: Report) -> Table:

@@ -291,7 +291,14 @@ def _calibration(result: Result) -> dict[str, Any] | None:
     known = ("source", "model", "term", "unit", "value", "sigma", "prior")
     return {
         "sentences": sentences(found),
-        "systematic": [{"robot": names.robot(e.robot), **{k: getattr(e, k) for k in known}} for e in found.systematic],
+        "systematic": [
+            {
+                "robot": names.robot(e.robot),
+                **{k: getattr(e, k) for k in known},
+                **({"landmark": names.landmark(e.landmark)} if e.landmark else {}),
+            }
+            for e in found.systematic
+        ],
         "scales": [{**asdict(scale), "robot": names.robot(scale.robot)} for scale in found.scales],
         "slips": [asdict(slip) for slip in found.slips],
         "lasting": [asdict(lasting) for lasting in found.lasting],

@@ -84,6 +84,7 @@ def systematic_of(found: Estimate) -> list[Systematic]:
             Systematic(
                 table.robot, *table.kind, term.name, term.unit, float(value * size),
                 float(sigma * size), float(tau * size), table.ids[order], column.effect[order],
+                column.landmark,
             )
         )  # fmt: skip
     return out

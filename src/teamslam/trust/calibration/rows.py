@@ -17,18 +17,19 @@ from teamslam.joining import AtMap
 from teamslam.model import Layout, Names, Table, Values, is_pose, robot_of
 from teamslam.model.losses import SQUARED
 from teamslam.solver import System
-from teamslam.trust.calibration.terms import TERMS, Term, scene_of
+from teamslam.trust.calibration.terms import Term, effects_of, scene_of
 
 
 @dataclass(frozen=True, eq=False)
 class Column:
     """One term of one table: its place in `Linear.tables`, its `effect` (m, rows), and `size`, a first guess
-    of how large p is."""
+    of how large p is; the landmark that it is of, 0 where it is of all."""
 
     term: Term
     table: int
     effect: Array
     size: float
+    landmark: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +87,9 @@ def linear_at(at: AtMap) -> Linear:
     for place, (table, (error, jacobian)) in enumerate(zip(at.tables, both, strict=True)):
         rate = np.zeros_like(error) if velocity is None else -(jacobian @ velocity).reshape(error.shape)
         scene = scene_of(table, values, lasting_of(table, names), rate)
-        for term in TERMS:
-            effect = term.effect(scene)
-            if effect is not None and effect.any() and (size := term.size(scene)) > 0.0:
-                columns.append(Column(term, place, effect, size))
+        for term, landmark, effect in effects_of(scene):
+            if (size := term.size(scene)) > 0.0:
+                columns.append(Column(term, place, effect, size, landmark))
         errors.append(error.ravel())
         jacobians.append(jacobian)
     starts = np.cumsum([0, *map(len, errors)])

@@ -33,7 +33,7 @@ from teamslam.trust.calibration.rows import is_sighting, lasting_of, velocities
 from teamslam.trust.calibration.sizes import LEAST
 from teamslam.trust.calibration.slipping import squares_of_rows
 from teamslam.trust.calibration.slips import Slips
-from teamslam.trust.calibration.terms import TERMS, scene_of
+from teamslam.trust.calibration.terms import effects_of, scene_of
 
 SUSPICION = 0.05  # of teams with a right model
 MOST_DRAWS, LEAST_DRAWS, DRAWN = 16, 4, 250_000  # numbers drawn in all, about
@@ -174,10 +174,7 @@ def _pulls(at: AtMap, seen: Sequence[Glance], names: Names) -> Iterator[float]:
         table, noise = each.table, each.noise
         scene = scene_of(table, at.values, lasting_of(table, names), each.rate)
         left = (noise.whitening @ each.errors) * each.weight[:, None, None]
-        for term in TERMS:
-            effect = term.effect(scene)
-            if effect is None or not effect.any():
-                continue
+        for term, _, effect in effects_of(scene):
             whitened = (noise.whitening @ effect[..., None])[..., 0]
             size = float(np.sqrt(np.sum(whitened**2 * each.weight[:, None])))
             kind = (term.name, *(() if term.relative else (table.source, table.model)))

@@ -11,7 +11,8 @@ from teamslam.model import Table
 @dataclass(frozen=True, eq=False)
 class Systematic:
     """`value` of a `term` (see `terms`) of a robot's sensor, in its `unit`, with the deviation `sigma` that is left of
-    it and the `prior` one; `effect` (m, rows) of one unit on the rows `ids` (m,), rising."""
+    it and the `prior` one; `effect` (m, rows) of one unit on the rows `ids` (m,), rising. `landmark`: the key
+    of that which it is of, 0 where it is of all."""
 
     robot: int
     source: str
@@ -24,6 +25,7 @@ class Systematic:
     prior: float
     ids: IntArray
     effect: Array
+    landmark: int = 0
 
     def on(self, table: Table) -> Array | None:
         """Its effect on the rows of a table (m, rows), zero where none is known; None where it is about others."""

@@ -13,6 +13,7 @@ The effect is taken at the prediction h, never at the measured z: noise of z tim
 | turn drift     | odometry, plane    | turn that is not there [rad/s] (or a step)     | 0.05 of the turns' rms        |
 | range scale    | ranges and points  | share by which distances are too long          | 0.05                          |
 | range offset   | ranges and points  | length added to every distance [m]             | 0.05 of the ranges' rms       |
+| landmark offset| bare ranges        | length added to those of one landmark [m]      | 0.05 of the ranges' rms       |
 | depth          | range and bearing  | 1: depth r cos b is measured, not distance     | 1                             |
 | depth askew    | range and bearing  | its axis is so far to the left of ahead [rad]  | 0.05                          |
 | bearing offset | bearings, points   | angle added to every bearing [rad]             | 0.05                          |
@@ -23,18 +24,22 @@ Ranges are the measure of a map: what lengthens all ranges of all robots alike, 
 of the scales of a team only how they differ is evidence (`relative`); odometry's scale is then seen against ranges
 (`choice`). What the scales have in common stays uncertain by as much as they differ, divided by the root of their
 number.
+
+A term `of_each` landmark is as many unknowns as a table has landmarks: a radio whose signal comes by way of a wall, or
+whose antenna delays it, is farther away for all who range it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from teamslam.geometry import Array, Pose, directions
-from teamslam.model import Table, Values
+from teamslam.model import Table, Values, is_landmark
 from teamslam.model.sensors import pose_of
 
 SHARE = 0.05
+MOST, FEWEST = 30, 5  # landmarks with an error of their own; sightings of one
 RANGES, BEARINGS = ("range", "range_bearing", "point", "relative_pose"), ("bearing", "range_bearing", "point")
 
 
@@ -73,13 +78,14 @@ class Scene:
 @dataclass(frozen=True)
 class Term:
     """A row of TERMS: `effect` (m, rows) of one unit of p, None where it makes no sense for a table; `size`, a first
-    guess of how large p is; `relative`: only how the team's differ is seen."""
+    guess of how large p is; `relative`: only how the team's differ is seen; `of_each`: each landmark has its own."""
 
     name: str
     unit: str
     effect: Callable[[Scene], Array | None]
     size: Callable[[Scene], float]
     relative: bool = False
+    of_each: bool = False
 
 
 def _step(scene: Scene) -> Array | None:
@@ -100,6 +106,11 @@ def _lengthened(scene: Scene) -> Array | None:
 
 def _longer(scene: Scene) -> Array | None:
     return _along(scene, _beside(scene.distance, np.ones(len(scene.table))))
+
+
+def _longer_to_each(scene: Scene) -> Array | None:
+    bare = scene.table.model == "range" and bool(is_landmark(scene.table.keys[:, -1]).all())
+    return _along(scene, np.ones(len(scene.table))) if bare else None
 
 
 def _depth(scene: Scene) -> Array | None:
@@ -172,11 +183,29 @@ TERMS: tuple[Term, ...] = (
     Term("turn drift", "rad/s", _drift, lambda scene: SHARE * _rms(_turns(scene)) / max(_rms(scene.lasting), 1e-12)),
     Term("range scale", "", _lengthened, _share, relative=True),
     Term("range offset", "m", _longer, lambda scene: SHARE * _rms(scene.distance)),
+    Term("landmark offset", "m", _longer_to_each, lambda scene: SHARE * _rms(scene.distance), of_each=True),
     Term("depth", "", _depth, lambda scene: 1.0),
     Term("depth askew", "rad", _askew, _share),
     Term("bearing offset", "rad", _turned, _share),
     Term("delay", "s", _late, lambda scene: 0.1),
 )
+
+
+def effects_of(scene: Scene) -> Iterator[tuple[Term, int, Array]]:
+    """The systematic errors that a table may have: each with the landmark that it is of, 0 where it is of all, and what
+    one unit of it does to the rows (m, rows). Of more than MOST landmarks none is told from the others."""
+    for term in TERMS:
+        effect = term.effect(scene)
+        if effect is None or not effect.any():
+            continue
+        if not term.of_each:
+            yield term, 0, effect
+            continue
+        targets = scene.table.keys[:, -1]
+        marks, counts = np.unique(targets, return_counts=True)
+        if len(marks) <= MOST:
+            for mark in marks[counts >= FEWEST].tolist():
+                yield term, mark, effect * (targets == mark)[:, None]
 
 
 def scene_of(table: Table, values: Values, lasting: Array, rate: Array) -> Scene:

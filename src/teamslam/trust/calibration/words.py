@@ -1,14 +1,16 @@
 """What a calibration found, in sentences: the same error of several robots in one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from teamslam.trust.calibration.calibrate import Calibration
+from teamslam.trust.calibration.systematic import Systematic
 from teamslam.trust.cause import rows_called
 
 IN_WORDS = {  # of terms whose name does not say it
     "depth": "measuring depth in place of distance (1: wholly)",
     "depth askew": "measuring it along an axis to the left of ahead",
 }
+SURELY, MOST = 4.0, 6  # sigmas from none, of what is told of single landmarks, and how many
 
 
 def sentences(found: Calibration) -> list[str]:
@@ -20,8 +22,28 @@ def _systematic(found: Calibration) -> Iterator[str]:
     kinds = dict.fromkeys((e.source, e.term, e.unit) for e in found.systematic)
     for source, term, unit in kinds:
         mine = [e for e in found.systematic if (e.source, e.term) == (source, term)]
+        if mine[0].landmark:
+            yield _of_landmarks(mine, found)
+            continue
         values = ", ".join(f"{found.names.robot(e.robot)}: {_signed(e.value, e.sigma, unit)}" for e in mine)
         yield f"{rows_called(source)} err by {IN_WORDS.get(term, term)}, estimated and taken out (robot {values})"
+
+
+def _of_landmarks(errors: Sequence[Systematic], found: Calibration) -> str:
+    """Those that are surest to be there, one by one."""
+    surest = sorted(errors, key=lambda e: -abs(e.value) / e.sigma)
+    named = [e for e in surest if abs(e.value) > SURELY * e.sigma][:MOST] or surest[:1]
+    several = len({e.robot for e in errors}) > 1
+    values = ", ".join(
+        f"{found.names.describe(e.landmark)}{f' from robot {found.names.robot(e.robot)}' if several else ''}: "
+        f"{_signed(e.value, e.sigma, e.unit)}"
+        for e in named
+    )
+    rest = f", and of {len(errors) - len(named)} others by less or less surely" if len(errors) > len(named) else ""
+    return (
+        f"{rows_called(errors[0].source)} err by a length of each landmark's own, as where its signal comes by way of "
+        f"a wall, estimated and taken out ({values}{rest})"
+    )
 
 
 def _scales(found: Calibration) -> Iterator[str]:
