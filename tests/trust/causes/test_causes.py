@@ -81,7 +81,13 @@ def test_bearings_of_the_wrong_sign_or_in_degrees(robots: tuple[int, ...]) -> No
     assert ("or all robots, odometry" in mirrored.causes[0].sentence) == (robots == ALL)
 
 
-@pytest.mark.parametrize("fault", [faults.degrees, faults.longer(1000.0)], ids=["degrees", "millimetres"])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        pytest.param(faults.degrees, id="degrees", marks=pytest.mark.slow),  # a landscape of nothing but pits
+        pytest.param(faults.longer(1000.0), id="millimetres"),
+    ],
+)
 def test_a_log_that_can_hardly_be_solved_says_what_it_looks_like(fault: faults.Fault) -> None:
     """The map is refused with the cause; an error says the cause first, and advises nothing that would not help. Which
     of both it is, rounding decides: a map of such a log may lack covariances."""
