@@ -36,6 +36,7 @@ from teamslam.model.keys import (
 from teamslam.model.layout import Kind, Layout, among, distinct, point_kind, pose_kind, rows_of
 from teamslam.model.losses import LOSSES, SQUARED, Loss, LossFunction
 from teamslam.model.noise import ranks, variances, whitening, whitening_of_information
+from teamslam.model.rebased import rebased
 from teamslam.model.sensors import MODELS, Model
 from teamslam.model.sources import Sources, Stretch
 from teamslam.model.submap import Submap
@@ -92,6 +93,7 @@ __all__ = [
     "pose_key",
     "pose_kind",
     "ranks",
+    "rebased",
     "region_of",
     "robot_asked",
     "robot_names",

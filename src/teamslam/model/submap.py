@@ -1,9 +1,9 @@
 """A submap: a robot's own map of a stretch of its way, as one big measurement.
 
-The estimate S^ (paper, eq. 1) is written in the frame of the base pose, which is not among its variables; the
-information I_S = J' W J (eq. 9) is over the estimate's unknowns in the mixed chart. Joining submaps gives a submap
-again, so this is also what a finished map is. `sources` says which rows of whose log went in, so that nothing is ever
-counted twice.
+The estimate S^ (paper, eq. 1) is written in the frame of the base pose, which is not among its variables (any of its
+robot's poses: see `rebased`); the information I_S = J' W J (eq. 9) is over the estimate's unknowns in the mixed chart.
+Joining submaps gives a submap again, so this is also what a finished map is. `sources` says which rows of whose log
+went in, so that nothing is ever counted twice.
 
 The information matrix, not its triangular root, is what is kept: it is sparse where the measurements are, while the
 root fills in; `square_root` gives the triangle where one is wanted.
@@ -175,6 +175,12 @@ class Submap:
         """The keys of one robot's poses in time order, the base among them where it is the robot's."""
         keys = self.keys
         return np.asarray(keys[is_pose(keys) & (robot_of(keys) == robot)])
+
+    @cached_property
+    def first_pose(self) -> int:
+        """The key of the earliest pose of its base's robot, from which a map that begins with it is seen; WORLD where
+        that is its frame."""
+        return self.base if self.base == WORLD else int(self.trajectory_keys(int(robot_of(self.base)))[0])
 
     @cached_property
     def landmark_keys(self) -> IntArray:

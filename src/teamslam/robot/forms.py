@@ -105,12 +105,9 @@ def needed(own: Sequence[Submap], known: IntArray) -> dict[str, IntArray]:
     found = {}
     for submap in own:
         keys = submap.values.layout.keys
-        poses = is_pose(keys)
-        mine = keys[poses & (robot_of(keys) == robot_of(submap.base))]
-        others = keys[poses & (robot_of(keys) != robot_of(submap.base))]
-        wanted = np.concatenate(
-            [shared[submap.id], mine[mine == mine.max(initial=0)], others, keys[np.isin(keys, known)]]
-        )
+        last = submap.trajectory_keys(int(robot_of(submap.base)))[-1]
+        others = keys[is_pose(keys) & (robot_of(keys) != robot_of(submap.base))]
+        wanted = np.concatenate([shared[submap.id], keys[keys == last], others, keys[np.isin(keys, known)]])
         found[submap.id] = np.unique(wanted)
     return found
 

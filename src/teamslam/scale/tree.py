@@ -206,10 +206,10 @@ def _condensed_leaf(task: tuple[str, Path, IntArray, Path]) -> Part:
 
 
 def _to_keep(submap: Submap, shared: IntArray) -> IntArray:
-    """What stays of a submap: what others share, what its raw measurements name; never nothing."""
+    """What stays of a submap: what others share, what its raw measurements name, its first pose; never nothing."""
     keys = submap.values.layout.keys
     raw = [table.keys.ravel() for table in submap.raw]
-    keep = keys[np.isin(keys, np.concatenate([shared, *raw]))]
+    keep = keys[np.isin(keys, np.concatenate([shared, [submap.first_pose], *raw]))]
     return keep if len(keep) else keys[-1:]
 
 

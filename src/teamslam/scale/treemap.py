@@ -19,7 +19,7 @@ from teamslam.joining import Component, Joined
 from teamslam.joining.join.interiors import members_of
 from teamslam.joining.join.join import in_order
 from teamslam.joining.join.optimum import Optimum, usable_rows
-from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, robot_of
+from teamslam.model import WORLD, Layout, Submap, Values, is_landmark, rebased, robot_of
 from teamslam.model.layout import rows_of
 from teamslam.solver import Options
 from teamslam.solver.optimise import DEFAULTS
@@ -82,7 +82,7 @@ def gather(tree: TreeMap, options: Options = DEFAULTS) -> Joined:
         members = in_order(submaps[id_] for id_ in component.members)
         raw, _ = usable_rows([t for m in members for t in m.raw], (start := tree.values(number)).layout)
         if len(members) == 1 and not raw:
-            components.append(Component(members[0], None, component.members))
+            components.append(Component(rebased(members[0], members[0].first_pose), None, component.members))
             continue
         fixed = np.array([b for b in (component.map.base,) if b != WORLD], np.int64)
         found = Optimum.near(members_of(members), start, raw, fixed, options)

@@ -21,6 +21,7 @@ from teamslam.model import (
     is_pose,
     landmark_key,
     pose_key,
+    rebased,
     robot_of,
 )
 from teamslam.solver import Options
@@ -105,7 +106,8 @@ def test_a_submap_holds_its_own_poses_its_landmarks_and_the_robots_it_saw() -> N
     keys = submap.values.layout.keys
     assert set(np.unique(robot_of(keys[is_pose(keys)]))) == {1, 2}
     assert is_landmark(keys).any()
-    assert submap.base == dataset.pose_keys[1][0] and submap.base not in keys
+    assert submap.first_pose == dataset.pose_keys[1][0]
+    assert submap.base in dataset.pose_keys[1] and submap.base not in keys
     assert submap.rows == sum(t.dof for t in dataset.of_robot(1).tables)
     assert np.linalg.eigvalsh(submap.information.toarray())[0] > 0.0
 
@@ -215,7 +217,13 @@ def test_the_difference_to_full_least_squares_is_second_order(world: str) -> Non
 def test_joining_one_submap_gives_it_back() -> None:
     submap = build(split(team("2d", robots=2))[0])
     alone = replace(submap, raw=())
-    assert join([alone]).map is alone
+    found = join([alone]).map
+    assert found.base == alone.first_pose
+    back = rebased(found, alone.base)
+    np.testing.assert_allclose(back.values.state, alone.values.state, atol=1e-12)
+    scale = np.abs(alone.information.toarray()).max()
+    np.testing.assert_allclose(back.information.toarray(), alone.information.toarray(), atol=1e-12 * scale)
+    assert join([found]).map is found
 
 
 def test_a_newer_version_replaces() -> None:

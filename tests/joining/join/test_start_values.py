@@ -29,12 +29,14 @@ def test_a_strand_is_a_robot_s_way_and_its_frames_compose(world: str, backwards:
     assert sorted(robots, key=min) == [{robot} for robot in sorted(set.union(*robots))]
     assert sorted(m for members, _ in chains for m in members) == list(range(len(submaps)))
     for members, frames in chains:
-        known = {submaps[members[0]].base: Pose.identity(submaps[members[0]].base_dim)}
+        root = submaps[members[0]]
+        known = {root.first_pose: root.all_values.pose(root.first_pose)}
         for member, frame in zip(members, frames, strict=True):
-            np.testing.assert_allclose(frame.minus(known[submaps[member].base]), 0.0, atol=1e-12)
-            own = submaps[member].trajectory_keys(int(robot_of(submaps[member].base)))[1:]
-            for key in own.tolist():
-                known.setdefault(key, frame @ submaps[member].values.pose(key))
+            submap = submaps[member]
+            seen = frame @ submap.all_values.pose(submap.first_pose)
+            np.testing.assert_allclose(seen.minus(known[submap.first_pose]), 0.0, atol=1e-12)
+            for key in submap.trajectory_keys(int(robot_of(submap.base))).tolist():
+                known.setdefault(key, frame @ submap.all_values.pose(key))
 
 
 def test_a_gap_cuts_a_strand() -> None:

@@ -229,7 +229,7 @@ def truss(world: str, sigma: float, per_pair: int, seed: int = 0) -> Dataset:
 
 
 @pytest.mark.parametrize(("world", "per_pair"), [("2d", 1), ("planar", 1), ("3d", 2)])
-@pytest.mark.parametrize(("sigma", "within"), [(EXACT, 1e-4), (0.02, 0.2)])
+@pytest.mark.parametrize(("sigma", "within"), [(EXACT, 1e-4), (0.02, 0.25)])
 def test_a_truss_is_assembled_though_no_pair_holds(world: str, per_pair: int, sigma: float, within: float) -> None:
     dataset = truss(world, sigma, per_pair)
     submaps = built(dataset)

@@ -21,7 +21,7 @@ def test_a_piece_starts_where_its_own_map_has_it(space: str) -> None:
     submap, solution = build_with_solution(piece)
     start = from_map(piece, [submap])
     assert start is not None
-    there = start.only(submap.keys)
+    there = start.seen_from(start.pose(submap.base), submap.all_values.layout)
     step = there.minus(submap.all_values)
     assert np.abs(step).max() < 1e-9
     again, other = build_with_solution(piece, near=start)

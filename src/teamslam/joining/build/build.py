@@ -38,8 +38,9 @@ def build(
 ) -> Submap:
     """The submap of one robot's piece of log.
 
-    Its frame is the piece's first pose. Raises ModelError where the piece is not one robot's or its odometry is broken
-    (`teamslam.split` gives pieces that are neither), SolveError where the measurements leave a variable open.
+    Its frame is the pose of the piece that is held most firmly by what was seen (see `eyes`). Raises ModelError where
+    the piece is not one robot's or its odometry is broken (`teamslam.split` gives pieces that are neither), SolveError
+    where the measurements leave a variable open.
     """
     submap, _ = build_with_solution(piece, id=id, version=version, options=options, progress=progress)
     return submap
@@ -79,10 +80,11 @@ def build_choices(piece: Dataset, *, options: Options = DEFAULTS) -> list[Submap
     """
     begun = Begun.of(piece)
     optima = [submap for submap, _ in _optima(piece, begun, None, 0, options, None)]
-    keys = optima[0].values.layout.keys
+    base, layout = optima[0].base, optima[0].values.layout
     if len(begun.guesses) < 2:
         return optima
-    return optima + [replace(optima[0], values=g.only(keys)) for g in begun.guesses if g.layout.contains(keys).all()]
+    ways = [guess for guess in begun.guesses if guess.layout.contains(optima[0].keys).all()]
+    return optima + [replace(optima[0], values=way.seen_from(way.pose(base), layout)) for way in ways]
 
 
 Optima = Iterator[tuple[Submap, Solution]]

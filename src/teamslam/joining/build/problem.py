@@ -17,6 +17,7 @@ from teamslam.frontend.tags.hinges import swung
 from teamslam.frontend.tags.mirrored import turned
 from teamslam.frontend.tags.yielded import turned_with_its_eyes
 from teamslam.geometry import BoolArray, IntArray
+from teamslam.joining.build.eyes import best_seen_from
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.adrift import adrift
 from teamslam.joining.start.dead_reckoning import own_chain
@@ -36,6 +37,7 @@ from teamslam.model import (
     index_of,
     is_landmark,
     is_pose,
+    rebased,
     robot_of,
 )
 from teamslam.solver import Options, Solution, Step, System, firm, optimise
@@ -66,7 +68,8 @@ class Begun:
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The least squares of one piece: its `system`, the rows that travel `raw`, the `guesses` of what the system holds,
-    what it was `begun` from, and landmarks that were found `loose`."""
+    what it was `begun` from, and landmarks that were found `loose`; `base`: the first pose, in whose frame it is
+    solved."""
 
     piece: Dataset
     base: int
@@ -78,13 +81,14 @@ class Problem:
 
     @classmethod
     def of(cls, piece: Dataset, begun: Begun, loose: IntArray = np.zeros(0, np.int64)) -> "Problem":  # noqa: B008
-        """The problem of a piece in the frame of its first pose; what a start does not hold travels raw."""
+        """The problem of a piece, solved in the frame of its first pose; what a start does not hold travels raw."""
         robot = the_robot(piece)
         poses = own_chain(piece, robot)
         known = begun.guesses[0].layout
         inside, raw = gaussian_part(piece.tables, robot, poses, known.select(~np.isin(known.keys, loose)))
         held = distinct(np.concatenate([poses, *(distinct(column) for t in inside for column in t.keys.T)]))
-        guesses = [guess.only(held) for guess in begun.guesses if guess.layout.contains(held).all()]
+        whole = [guess.only(held) for guess in begun.guesses if guess.layout.contains(held).all()]
+        guesses = [guess.seen_from(guess.pose(int(poses[0])), guess.layout) for guess in whole]
         system = System(guesses[0].layout, tables=inside, fixed=poses[:1], names=piece.names)
         return cls(piece, int(poses[0]), system, raw, guesses, begun, loose)
 
@@ -169,9 +173,9 @@ class Problem:
         return np.concatenate(found)
 
     def submap(self, solution: Solution, id: str | None, version: int) -> Submap:
-        """What is kept of a solution."""
+        """What is kept of a solution, seen from where that is seen best (see `eyes`)."""
         piece, base = self.piece, self.base
-        return Submap(
+        solved = Submap(
             id=id or f"{piece.names.robot(int(robot_of(base)))}/{int(index_of(base))}",
             version=version,
             base=base,
@@ -184,6 +188,9 @@ class Problem:
             cost=solution.cost,
             chi2=solution.chi2,
             rows=solution.rows,
+        )
+        return rebased(
+            solved, best_seen_from(solved.trajectory_keys(int(robot_of(base))), self.system.tables, solution.values)
         )
 
 

@@ -1,7 +1,7 @@
 """Cutting a log into pieces, each of which becomes a submap.
 
 A piece is a stretch of one robot's way. Every measurement goes into exactly one piece (that of the pose it was taken
-from), and consecutive pieces share their boundary pose: the last of one is the base of the next. Where no relative
+from), and consecutive pieces share their boundary pose: the last of one is the first of the next. Where no relative
 poses hold what comes after to what was before (odometry is missing, and no loop closes around the gap), the log is
 always cut, without a shared pose. Otherwise a robot's log is one piece, as in the
 paper, unless pieces of a certain length are asked for: in poses, or in how far the heading may be lost along a piece

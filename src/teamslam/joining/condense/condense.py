@@ -26,7 +26,8 @@ from teamslam.solver import Condensed, SubmapTerm, System
 
 def separators(submaps: Iterable[Submap], *, landmarks: bool = False) -> dict[str, IntArray]:
     """For each submap's id the variables (sorted keys) that others need: those that stand in another submap, as its
-    frame or among its variables, and those that anybody's raw measurements name. `landmarks`: all landmarks too."""
+    frame or among its variables, those that anybody's raw measurements name, and its first pose, from which maps are
+    seen. `landmarks`: all landmarks too."""
     submaps = list(submaps)
     known = [submap.keys for submap in submaps]
     raw = [np.unique(table.keys) for submap in submaps for table in submap.raw]
@@ -35,7 +36,7 @@ def separators(submaps: Iterable[Submap], *, landmarks: bool = False) -> dict[st
     out = {}
     for submap in submaps:
         own = np.sort(submap.values.layout.keys)
-        needed = np.isin(own, wanted)
+        needed = np.isin(own, wanted) | (own == submap.first_pose)
         out[submap.id] = own[needed | is_landmark(own)] if landmarks else own[needed]
     return out
 

@@ -163,10 +163,11 @@ def parts_of(
 
 
 def separators_of(submaps: Sequence[Submap], raw: Sequence[Table]) -> IntArray:
-    """The keys that more than one submap knows (bases among them), or that raw measurements name."""
+    """The keys that more than one submap knows (bases among them), or that raw measurements name, and first poses."""
     everywhere = np.concatenate([s.keys for s in submaps])
     keys, times = np.unique(everywhere, return_counts=True)
-    return np.union1d(keys[times > 1], np.concatenate([t.keys.ravel() for t in raw] or [np.zeros(0, np.int64)]))
+    first = [submap.first_pose for submap in submaps]
+    return np.unique(np.concatenate([keys[times > 1], first, *(t.keys.ravel() for t in raw)]))
 
 
 def dense(complement: Array) -> sp.csr_array:

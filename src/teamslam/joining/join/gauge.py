@@ -1,4 +1,4 @@
-"""The frame of a joined map: its first base pose, or the world where enough was measured in it.
+"""The frame of a joined map: the first pose of its first robot, or the world where enough was measured in it.
 
 Positions and poses in the world (GPS, survey) fix the gauge themselves. The start is moved there by one rigid fit over
 them. With too few of them (one position in the plane, fewer than three in space) the map is free to turn in the world:
@@ -25,11 +25,13 @@ def anchor(start: Values, root: Submap, tables: Sequence[Table]) -> tuple[Values
     if start.layout.contains(WORLD):
         return _from_the_world(start), np.array([WORLD]), list(tables)
     absolute = [t for t in tables if t.row.unary]
-    if not absolute:
-        return start, np.array([root.base]), list(tables)
-    fit = _in_the_world(start, absolute, root.base_dim)
+    fit = _in_the_world(start, absolute, root.base_dim) if absolute else None
     if fit is None:
-        return start, np.array([root.base]), [t for t in tables if not t.row.unary]
+        first = root.first_pose
+        seen = (
+            start if first == root.base else start.transform(start.poses_of(np.array(first), root.base_dim).inverse())
+        )
+        return seen, np.array([first]), [t for t in tables if not t.row.unary]
     return start.transform(fit), np.zeros(0, np.int64), list(tables)
 
 

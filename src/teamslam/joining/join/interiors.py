@@ -58,10 +58,11 @@ def worth_it(inside: IntArray, unknowns: IntArray) -> BoolArray:
 
 
 def shared_keys(stack: Stack, submaps: Sequence[Submap]) -> IntArray:
-    """The variables that more than one of the stacked submaps knows, its frame included, or that raw rows name."""
+    """The variables that more than one of the stacked submaps knows, its frame included, or that raw rows name; and
+    their first poses, one of which is the map's frame."""
     keys, known = np.unique(np.concatenate([stack.keys, stack.bases]), return_counts=True)
     raw = [table.keys.ravel() for submap in submaps for table in submap.raw]
-    return np.concatenate([keys[known > 1], *raw])
+    return np.concatenate([keys[known > 1], stack.first_poses, *raw])
 
 
 def _without_interiors(submap: Submap, inner: BoolArray) -> Member:

@@ -31,7 +31,7 @@ from teamslam.joining.join.optimum import Optimum
 from teamslam.joining.place.place import Cluster, Placement, place
 from teamslam.joining.place.reasons import Held
 from teamslam.joining.start.twofold import RULED_OUT
-from teamslam.model import WORLD, Dataset, Kind, LeftOut, Submap, Values, expect, is_landmark
+from teamslam.model import WORLD, Dataset, Kind, LeftOut, Submap, Values, expect, is_landmark, rebased
 from teamslam.solver import Covariances, Options, Solution, Step
 from teamslam.solver.optimise import DEFAULTS
 from teamslam.solver.solution import SENSELESS
@@ -163,11 +163,11 @@ def join(
 ) -> Joined:
     """The map of all submaps together, all at once.
 
-    Its frame is the base pose of the lowest robot's first submap, or the world's where positions in the world were
-    measured. `near`: an earlier join of submaps with the same ids, by which their frames lie instead of being looked
-    for; where it is ambiguous, they are looked for all the same. Laws: the result does not depend on the order of the
-    submaps; joining one submap gives that submap back. Raises ModelError for an empty set, for ids that stand twice,
-    and where one measurement is in two submaps (see `twice`).
+    Its frame is the lowest robot's first pose, or the world's where positions in the world were measured. `near`: an
+    earlier join of submaps with the same ids, by which their frames lie instead of being looked for; where it is
+    ambiguous, they are looked for all the same. Laws: the result does not depend on the order of the submaps; joining
+    one submap gives that submap back, seen from its first pose. Raises ModelError for an empty set, for ids that stand
+    twice, and where one measurement is in two submaps (see `twice`).
     """
     ordered = in_order(submaps)
     refuse_double_counting(ordered)
@@ -264,7 +264,7 @@ def _join_cluster(
     inside = [members[number] for number in cluster.members]
     ids = tuple(sorted(member.whole.id for member in inside))
     if len(inside) == 1 and not inside[0].whole.raw:
-        return Component(inside[0].whole, None, ids)
+        return Component(rebased(inside[0].whole, inside[0].whole.first_pose), None, ids)
     found = _optima(inside, cluster, options, progress)
     if by_halves and len(inside) > 2 and (lowest := min(found, key=_excess)).shared.senseless:
         found += _from_halves(inside, lowest, options, progress)

@@ -7,7 +7,7 @@ import numpy as np
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.joining.place.stack import Stack
-from teamslam.model import Kind, Values, pack, pose_kind, unpack
+from teamslam.model import Kind, Values, unpack
 
 
 def start_values(stack: Stack, frames: Sequence[Pose]) -> Values:
@@ -17,7 +17,7 @@ def start_values(stack: Stack, frames: Sequence[Pose]) -> Values:
     that one holds as planar and another as spatial is planar: the robot itself knows that it is on the ground; a point
     is in space where anybody saw it there. Raises ModelError where a submap in space holds something planar.
     """
-    whole = _with_bases(stack)
+    whole = stack.with_bases
     chosen = _first_that_says_most(whole.keys, whole.kinds)
     dims = np.array([frame.dim for frame in frames])
     parts: dict[Kind, tuple[IntArray, Pose | Array]] = {}
@@ -30,20 +30,6 @@ def start_values(stack: Stack, frames: Sequence[Pose]) -> Values:
         local = unpack(whole.state[whole.start[rows, None] + np.arange(kind.size)], kind)
         parts[kind] = (whole.keys[rows], common @ local if isinstance(local, Pose) else common.act(local))
     return Values.of(parts)
-
-
-def _with_bases(stack: Stack) -> Stack:
-    """The stack with each submap's base before all, which is the identity in its own frame."""
-    kinds = np.array([int(pose_kind(2)), int(pose_kind(3))])[stack.base_dims - 2]
-    identities = [pack(Pose.identity(dim)) for dim in (2, 3)]
-    return Stack(
-        stack.bases,
-        stack.base_dims,
-        keys=np.concatenate([stack.bases, stack.keys]),
-        kinds=np.concatenate([kinds, stack.kinds]),
-        holder=np.concatenate([np.arange(len(stack.bases)), stack.holder]),
-        state=np.concatenate([*(identities[dim - 2] for dim in stack.base_dims.tolist()), stack.state]),
-    )
 
 
 PRECEDENCE = np.array([0, 1, 3, 2])  # of kinds: planar poses, poses in space, points in the plane, points in space

@@ -1,7 +1,8 @@
 """Chains: submaps of one robot chained by boundary poses, so that their frames compose.
 
-The base of submap i stands in an earlier submap p(i) of its robot as the pose Z_i, hence X_i = X_p(i) @ Z_i. All
-products along all chains are formed together, each round doubling how far up they reach.
+The first pose of submap i stands in an earlier submap p(i) of its robot as Z_p, and in its own as Z_i, hence
+X_i = X_p(i) @ Z_p @ Z_i^-1. All products along all chains are formed together, each round doubling how far up they
+reach.
 """
 
 from collections.abc import Sequence
@@ -14,17 +15,16 @@ from teamslam.model import Submap, pose_kind, robot_of, unpack
 
 
 def chains_of(submaps: Sequence[Submap]) -> list[tuple[list[int], list[Pose]]]:
-    """Each chain as places in the list, in an order in which every base but the first is known before, and the poses
-    of the bases in the frame of the first."""
+    """Each chain as places in the list, in an order in which every first pose but the first one's is known before, and
+    the poses of the bases in the frame of the first."""
     stack = Stack.of(submaps)
     order = np.argsort(stack.bases, kind="stable")
-    holder, start = _holders(stack)
     rank = np.argsort(order, kind="stable")
-    parent = np.where((holder >= 0) & (rank[holder] < rank), holder, -1)
+    parent, above, own = _links(stack, rank)
     roots, frames = np.arange(len(submaps)), [Pose.identity(2)] * len(submaps)
     for dim in np.unique(stack.base_dims).tolist():
         rows = np.flatnonzero(stack.base_dims == dim)
-        roots[rows], poses = _composed(stack, rows, parent, start, dim)
+        roots[rows], poses = _composed(stack, rows, parent, (above, own), dim)
         for row, pose in zip(rows.tolist(), map(Pose, poses.rotation, poses.translation), strict=True):
             frames[row] = pose
     chains: dict[int, list[int]] = {}
@@ -33,7 +33,31 @@ def chains_of(submaps: Sequence[Submap]) -> list[tuple[list[int], list[Pose]]]:
     return [(members, [frames[number] for number in members]) for members in chains.values()]
 
 
-def _composed(stack: Stack, rows: IntArray, parent: IntArray, start: IntArray, dim: int) -> tuple[IntArray, Pose]:
+def _links(stack: Stack, rank: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """For each submap (m,) the first one by `rank` (m,) that holds its first pose among its own robot's, or -1; and the
+    rows of the stack with its bases where that one has the pose, and where it has it itself."""
+    whole = stack.with_bases
+    own = np.flatnonzero(
+        (robot_of(whole.keys) == robot_of(stack.bases)[whole.holder]) & (stack.bases >= 0)[whole.holder]
+    )
+    own = own[np.argsort(rank[whole.holder[own]], kind="stable")]
+    keys, holders = whole.keys[own], whole.holder[own]
+    known, first = np.unique(keys, return_index=True)
+    nobody = np.full(len(stack.bases), -1)
+    if not len(known):
+        return nobody, nobody, nobody
+    at = np.minimum(np.searchsorted(known, stack.first_poses), len(known) - 1)
+    holder, row = holders[first[at]], own[first[at]]
+    mine = np.flatnonzero(keys == stack.first_poses[holders])
+    itself = nobody.copy()
+    itself[holders[mine]] = own[mine]
+    held = (known[at] == stack.first_poses) & (rank[holder] < rank)
+    return np.where(held, holder, -1), np.where(held, row, -1), itself
+
+
+def _composed(
+    stack: Stack, rows: IntArray, parent: IntArray, ends: tuple[IntArray, IntArray], dim: int
+) -> tuple[IntArray, Pose]:
     """Of the submaps in `rows`, all of one dimension: the roots of their chains, and their frames there."""
     place = np.full(len(parent), -1)
     place[rows] = np.arange(len(rows))
@@ -41,8 +65,10 @@ def _composed(stack: Stack, rows: IntArray, parent: IntArray, start: IntArray, d
     poses = Pose.identity(dim, (len(rows),))
     rotation, translation = poses.rotation.copy(), poses.translation.copy()
     below, kind = np.flatnonzero(up >= 0), pose_kind(dim)
-    steps = unpack(stack.state[start[rows[below], None] + np.arange(kind.size)], kind)
-    assert isinstance(steps, Pose)
+    whole = stack.with_bases
+    there, here = (unpack(whole.state[whole.start[of[rows[below]], None] + np.arange(kind.size)], kind) for of in ends)
+    assert isinstance(there, Pose) and isinstance(here, Pose)
+    steps = there @ here.inverse()
     rotation[below], translation[below] = steps.rotation, steps.translation
     root = np.arange(len(rows))
     while len(below):
@@ -53,16 +79,3 @@ def _composed(stack: Stack, rows: IntArray, parent: IntArray, start: IntArray, d
         )  # fmt: skip
         below = np.flatnonzero(up >= 0)
     return rows[root], Pose(rotation, translation)
-
-
-def _holders(stack: Stack) -> tuple[IntArray, IntArray]:
-    """For each submap the first one that holds its base among its own robot's poses, or -1; and where that pose begins
-    in the stack's state."""
-    own = np.flatnonzero(robot_of(stack.keys) == robot_of(stack.bases)[stack.holder])
-    known, first = np.unique(stack.keys[own], return_index=True)
-    if not len(known):
-        return np.full(len(stack.bases), -1), np.full(len(stack.bases), -1)
-    at = np.minimum(np.searchsorted(known, stack.bases), len(known) - 1)
-    there = own[first[at]]
-    held = known[at] == stack.bases
-    return np.where(held, stack.holder[there], -1), np.where(held, stack.start[there], -1)

@@ -1,11 +1,11 @@
 """What a chain of submaps shows of the world that others may know too: places, orientations, and how sure they are.
 
-A chain is a run of submaps in which each base but the first is known from the one before; its frame is the first
-one's. Along it uncertainty grows: a frame whose place and heading are known to s_T and s_R adds s_T^2 + s_R^2 |q|^2 to
-the variance of a place q in it.
+A chain is a run of submaps in which each first pose but the first one's is known from one before; its frame is the
+first one's. Along it uncertainty grows: a frame whose place and heading are known to s_T and s_R adds s_T^2 + s_R^2
+|q|^2 to the variance of a place q in it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,16 +77,28 @@ def outline_of_chain(
 ) -> Outline:
     """What a chain knows of the `shared` keys, in the frame of its first submap; `frames` are its submaps' bases
     there. `raw`: what its raw sightings show of others, too."""
-    loose: dict[int, tuple[float, float]] = {submaps[0].base: (0.0, 0.0)}
-    own = np.array([submap.base for submap in submaps])
+    loose: dict[int, tuple[float, float]] = {}
+    first = np.array([submap.first_pose for submap in submaps])
     parts = []
     for submap, frame in zip(submaps, frames, strict=True):
-        placed = _sketch(submap, np.union1d(shared, own), raw).loosen(*loose.get(submap.base, (0.0, 0.0))).move(frame)
-        bases = placed.only(own)
-        for key, place, turn in zip(bases.keys, bases.variances, bases.turn_variances, strict=True):
+        sketch = _sketch(submap, np.union1d(shared, first), raw)
+        placed = sketch.loosen(*_frame_of(sketch, submap.first_pose, loose)).move(frame)
+        links = placed.only(first)
+        for key, place, turn in zip(links.keys, links.variances, links.turn_variances, strict=True):
             loose.setdefault(int(key), (float(place), float(turn)))
         parts.append(placed)
     return Outline.of(*parts).only(shared)
+
+
+def _frame_of(sketch: Outline, first: int, loose: Mapping[int, tuple[float, float]]) -> tuple[float, float]:
+    """The variances of place and heading of a sketch's frame, by how well its first pose is known in the chain and in
+    the sketch; none of the frame that is the chain's."""
+    if first not in loose:
+        return 0.0, 0.0
+    (at,) = np.flatnonzero(sketch.keys == first)
+    place, turn = loose[first]
+    turn += float(sketch.turn_variances[at])
+    return place + float(sketch.variances[at] + turn * np.sum(sketch.places[at] ** 2)), turn
 
 
 def known_keys(submap: Submap) -> IntArray:

@@ -183,8 +183,8 @@ def _united(
     for n in other:
         piece = pieces[n]
         assert piece.submap is not None
-        start = pose.lift(theirs.all_values.pose(piece.submap.base).dim) if pose.dim == 2 else pose
-        start = start @ theirs.all_values.pose(piece.submap.base)
+        start = pose.lift(theirs.all_values.pose(piece.submap.first_pose).dim) if pose.dim == 2 else pose
+        start = start @ theirs.all_values.pose(piece.submap.first_pose)
         prior = _prior(map, start, piece, motion.scale)
         marks = again_with(piece.log, piece.robot, piece.own.seen, prior, labels)
         fresh = marks > prior.numbers.max()
