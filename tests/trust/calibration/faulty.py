@@ -14,7 +14,7 @@ from teamslam.trust.calibration.persistence import targets_of
 from teamslam.trust.calibration.rows import velocities
 
 Change = Callable[[Table, Array, Array], Table]
-SCALE, OFFSET_M, DELAY_S, CORRELATION, ASKEW_RAD = 0.03, 0.05, 0.05, 0.9, 0.03
+SCALE, OFFSET_M, DELAY_S, CORRELATION = 0.03, 0.05, 0.05, 0.9
 VEER_RAD, STRAIGHT_RAD = 0.008, 0.001
 
 
@@ -40,19 +40,6 @@ def offset(team: Dataset, rng: np.random.Generator) -> tuple[Dataset, dict[int, 
         return replace(table, values=table.row.plus(h, e + np.array([lengths[table.robot], 0.0]), table.dim))
 
     return planted(team, change), lengths
-
-
-def askew(team: Dataset, rng: np.random.Generator) -> tuple[Dataset, dict[int, float]]:
-    """Ranges longer to one side by an angle of each robot's own, as depths are along an axis that is not ahead."""
-    angles = {robot: float(rng.normal(0.0, ASKEW_RAD)) for robot in team.robots}
-
-    def change(table: Table, h: Array, e: Array) -> Table:
-        if table.source == "odometry":
-            return table
-        longer = angles[table.robot] * h[:, 0] * np.sin(h[:, 1])
-        return replace(table, values=table.row.plus(h + np.stack([longer, 0.0 * longer], -1), e, table.dim))
-
-    return planted(team, change), angles
 
 
 def long_steps(team: Dataset) -> Dataset:
@@ -133,7 +120,6 @@ FAULTS: dict[str, Callable[[Dataset, np.random.Generator], Dataset]] = {
     "odometry's sigmas stated a third of what they are": lambda log, rng: misstated(log, 1.0 / 3.0, odometry=True),
     "errors of sightings with correlation 0.9 at 1 s": lambda log, rng: persistent(log, CORRELATION),
     "range offset of 5 cm deviation, a robot": lambda log, rng: offset(log, rng)[0],
-    "ranges longer to one side by 30 mrad deviation, a robot": lambda log, rng: askew(log, rng)[0],
     "sightings 50 ms late": lambda log, rng: late(log, DELAY_S),
     "odometry 3 % too long": lambda log, rng: long_steps(log),
 }

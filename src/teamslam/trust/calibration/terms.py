@@ -15,15 +15,13 @@ The effect is taken at the prediction h, never at the measured z: noise of z tim
 | range offset   | ranges and points  | length added to every distance [m]             | 0.05 of the ranges' rms       |
 | landmark offset| bare ranges        | length added to those of one landmark [m]      | 0.05 of the ranges' rms       |
 | depth          | range and bearing  | 1: depth r cos b is measured, not distance     | 1                             |
-| depth askew    | range and bearing  | its axis is so far to the left of ahead [rad]  | 0.05                          |
 | bearing offset | bearings, points   | angle added to every bearing [rad]             | 0.05                          |
 | delay          | sightings          | how long before its stamp it was taken [s]     | 0.1                           |
 
-Ranges are the measure of a map: what lengthens all ranges of all robots alike, nobody sees. So offset, `depth` and
-`depth askew` are taken beside the scale (of 1, r (cos b - 1) and r sin b, what is in proportion to r is left out), and
-of the scales of a team only how they differ is evidence (`relative`); odometry's scale is then seen against ranges
-(`choice`). What the scales have in common stays uncertain by as much as they differ, divided by the root of their
-number.
+Ranges are the measure of a map: what lengthens all ranges of all robots alike, nobody sees. So offset and `depth` are
+taken beside the scale (of 1 and of r (cos b - 1), what is in proportion to r is left out), and of the scales of a team
+only how they differ is evidence (`relative`); odometry's scale is then seen against ranges (`choice`). What the scales
+have in common stays uncertain by as much as they differ, divided by the root of their number.
 
 A term `of_each` landmark is as many unknowns as a table has landmarks: a radio whose signal comes by way of a wall, or
 whose antenna delays it, is farther away for all who range it.
@@ -114,19 +112,10 @@ def _longer_to_each(scene: Scene) -> Array | None:
 
 
 def _depth(scene: Scene) -> Array | None:
-    rays = _rays(scene)
-    return None if rays is None else _along(scene, _beside(scene.distance, scene.distance * (rays[:, 0] - 1.0)))
-
-
-def _askew(scene: Scene) -> Array | None:
-    rays = _rays(scene)
-    return None if rays is None else _along(scene, _beside(scene.distance, scene.distance * rays[:, 1]))
-
-
-def _rays(scene: Scene) -> Array | None:
-    """Which way targets are predicted (m, dim), of ranges that may be depths."""
-    may = scene.table.model == "range_bearing" and scene.sees
-    return directions(scene.table.dim).ray(scene.predicted[:, 1:]) if may else None
+    if scene.table.model != "range_bearing" or not scene.sees:
+        return None
+    ahead = directions(scene.table.dim).ray(scene.predicted[:, 1:])[:, 0]
+    return _along(scene, _beside(scene.distance, scene.distance * (ahead - 1.0)))
 
 
 def _turned(scene: Scene) -> Array | None:
@@ -185,7 +174,6 @@ TERMS: tuple[Term, ...] = (
     Term("range offset", "m", _longer, lambda scene: SHARE * _rms(scene.distance)),
     Term("landmark offset", "m", _longer_to_each, lambda scene: SHARE * _rms(scene.distance), of_each=True),
     Term("depth", "", _depth, lambda scene: 1.0),
-    Term("depth askew", "rad", _askew, _share),
     Term("bearing offset", "rad", _turned, _share),
     Term("delay", "s", _late, lambda scene: 0.1),
 )

@@ -6,10 +6,7 @@ from teamslam.trust.calibration.calibrate import Calibration
 from teamslam.trust.calibration.systematic import Systematic
 from teamslam.trust.cause import rows_called
 
-IN_WORDS = {  # of terms whose name does not say it
-    "depth": "measuring depth in place of distance (1: wholly)",
-    "depth askew": "measuring it along an axis to the left of ahead",
-}
+IN_WORDS = {"depth": "measuring depth in place of distance (1: wholly)"}  # of terms whose name does not say it
 SURELY, MOST = 4.0, 6  # sigmas from none, of what is told of single landmarks, and how many
 
 
