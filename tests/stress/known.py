@@ -2,5 +2,5 @@
 
 KNOWN: dict[tuple[str, int], tuple[str, ...]] = {
     ("small", 1000007): ("no map costs more than the optimum from the truth",),
-    ("small", 1000044): ("another optimum that fits as well is named",),
+    ("small", 1000044): ("no map costs more than the optimum from the truth", "honest noise is no misfit"),
 }
