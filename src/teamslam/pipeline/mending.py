@@ -200,21 +200,23 @@ def once_more(
             max_rounds=config.join.max_rounds,
             options=config.solver,
         )
-        further, held = carrying_errors(again, calibration, right)
     else:
         built = [
             calibration.carried_by(submap, rows_inside(submap, p)) for submap, p in zip(built, pieces, strict=True)
         ]
         again = _joined_again(built, near, config)
-        further, held = _a_step_further(again, calibration, log)
-    if not _as_whole(further, joined):
+    if not _as_whole(again, joined):
         with suppress(SolveError):
             other = _at_once(right, near, calibration, config)
             if _as_whole(other.joined, joined):
                 said = replace(other.joined, remarks=(*other.joined.remarks, NOT_AS_BEFORE))
                 return replace(other, pieces=pieces, submaps=tuple(built), joined=said)
-        if joined.converged and not further.converged:
+        if joined.converged and not again.converged:
             raise SolveError("with the noise put right no optimum was found from where the map lies")
+    if config.join.exact:
+        further, held = carrying_errors(again, calibration, right)
+    else:
+        further, held = _a_step_further(again, calibration, log)
     with_its_books = with_books(right, further, [*made, *_unbuilt(joined, further, right)], remarks)
     return Again(pieces, tuple(built), again, with_its_books, held)
 
@@ -282,15 +284,13 @@ def _moved(joined: Joined, calibration: Calibration) -> Joined:
 def carrying_errors(joined: Joined, calibration: Calibration, log: Dataset) -> tuple[Joined, Calibration]:
     """Maps at the optimum of a log that was put right, with the systematic errors of its measurements among their
     variables, and the calibration as they hold it. Where no optimum was found, a map holds them by what rows say where
-    it is; or none, where rows do not determine it there."""
+    it is. SolveError where rows do not determine it there."""
     components = []
     for component in joined.components:
         here = AtMap(log.tables, component.map)
-        with suppress(SolveError):
-            map = component.map if component.converged else here.renewed
-            map, calibration = calibration.carried_on(map, here.tables)
-            component = replace(component, map=map)
-        components.append(component)
+        map = component.map if component.converged else here.renewed
+        map, calibration = calibration.carried_on(map, here.tables)
+        components.append(replace(component, map=map))
     return replace(joined, components=tuple(components)), calibration
 
 

@@ -143,7 +143,7 @@ def _telling(log: Dataset) -> list[Sensor]:
     measured = Counter[Sensor]()
     for table in log.tables:
         if _sees(table):
-            measured[_sensor(table)] += len(table) * table.whitening.shape[-2]
+            measured[_sensor(table)] += int(table.ranks.sum())
     return [sensor for sensor, numbers in measured.items() if numbers >= EACH * _numbers(sensor)]
 
 

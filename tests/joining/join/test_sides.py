@@ -5,54 +5,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ranging import write_ranging
 from teamslam.config import Config, JoinOptions
 from teamslam.joining.join.sides import Mirrored
 from teamslam.model import Names
 from teamslam.pipeline import run
 
-TEAM = """
-[[robot]]
-name = "red"
-[[robot]]
-name = "blue"
-[[log]]
-file = "odometry.csv"
-model = "relative_pose"
-sigma = [0.02, 0.01, 0.01]
-[[log]]
-file = "ranges.csv"
-model = "range"
-sigma = [0.08]
-[truth]
-robots = "robots.csv"
-landmarks = "anchors.csv"
-"""
 STEPS, STEP = 50, 0.5
 
 
 def corridor(folder: Path, seed: int) -> Path:
     """Two robots that meet in a corridor, each straight along it, and range anchors on one wall; red drives along +x,
     blue back."""
-    rng = np.random.default_rng(seed)
+    along, still = STEP * np.arange(STEPS), np.zeros(STEPS)
+    ways = {
+        "red": np.stack([along, still, still], -1),
+        "blue": np.stack([25.0 - along, still + 0.3, still + np.pi], -1),
+    }
     anchors = {f"a{n}": (2.5 * n, 2.0) for n in range(11)}
-    odometry, ranges = ["robot,from_stamp,to_stamp,x,y,theta"], ["robot,stamp,landmark,range"]
-    way = ["robot,stamp,x,y,theta"]
-    for robot, (begin, y, ahead) in {"red": (0.0, 0.0, 1.0), "blue": (25.0, 0.3, -1.0)}.items():
-        for k in range(STEPS):
-            x = begin + ahead * STEP * k
-            way.append(f"{robot},{k},{x},{y},{0.0 if ahead > 0 else np.pi}")
-            if k + 1 < STEPS:
-                dx, dy, turn = (STEP, 0.0, 0.0) + rng.normal(size=3) * (0.02, 0.01, 0.01)
-                odometry.append(f"{robot},{k},{k + 1},{dx},{dy},{turn}")
-            for name, at in anchors.items():
-                if (far := np.hypot(at[0] - x, at[1] - y)) < 6.0:
-                    ranges.append(f"{robot},{k},{name},{far + 0.08 * rng.normal()}")
-    folder.mkdir(exist_ok=True)
-    known = ["landmark,x,y", *(f"{name},{x},{y}" for name, (x, y) in anchors.items())]
-    for file, rows in {"odometry": odometry, "ranges": ranges, "robots": way, "anchors": known}.items():
-        (folder / f"{file}.csv").write_text("\n".join(rows) + "\n")
-    (folder / "team.toml").write_text(TEAM)
-    return folder
+    return write_ranging(folder, np.random.default_rng(seed), ways, anchors, sigma_m=0.08, reach_m=6.0)
 
 
 @pytest.mark.parametrize("config", [Config(), Config(method="full"), Config(join=JoinOptions(exact=True))])
@@ -76,7 +47,8 @@ def test_what_a_bearing_tells_is_not_in_doubt(tmp_path: Path) -> None:
     folder = corridor(tmp_path / "log", 1)
     rows = [f"red,{k},a{n},{np.arctan2(2.0, 2.5 * n - STEP * k)}" for k in range(0, STEPS, 5) for n in range(11)]
     (folder / "bearings.csv").write_text("robot,stamp,landmark,bearing\n" + "\n".join(rows) + "\n")
-    (folder / "team.toml").write_text(f'{TEAM}\n[[log]]\nfile = "bearings.csv"\nmodel = "bearing"\nsigma = [0.02]\n')
+    with (folder / "team.toml").open("a") as team:
+        team.write('\n[[log]]\nfile = "bearings.csv"\nmodel = "bearing"\nsigma = [0.02]\n')
     result = run(folder)
     assert not any("the whole map" in remark for remark in result.joined.remarks)
     assert result.joined.landmark("a3").position[1] > 1.0

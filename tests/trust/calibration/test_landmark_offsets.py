@@ -5,59 +5,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ranging import write_ranging
+from teamslam.geometry import Array
 from teamslam.pipeline import Result, run
 from teamslam.trust.calibration.words import sentences
 
-TEAM = """
-[[robot]]
-name = "one"
-[[robot]]
-name = "two"
-[[log]]
-file = "odometry.csv"
-model = "relative_pose"
-sigma = [0.02, 0.01, 0.005]
-[[log]]
-file = "ranges.csv"
-model = "range"
-sigma = [0.1]
-[[log]]
-file = "survey.csv"
-model = "position"
-sigma = [0.02, 0.02]
-[truth]
-robots = "robots.csv"
-landmarks = "anchors.csv"
-"""
 ANCHORS = {"a": (0.0, 0.0), "b": (12.0, 0.0), "c": (12.0, 10.0), "d": (0.0, 10.0), "e": (6.0, -1.0)}
-STEPS, LONGER = 60, 0.6
+STEPS, STEP, TURN, LONGER = 60, 0.5, 0.17, 0.6
 
 
 def mapped(folder: Path, seed: int, longer: float) -> Result:
     """Two robots that drive in circles within range of surveyed anchors, of which c is `longer` away than it is."""
-    rng = np.random.default_rng(seed)
-    odometry, ranges = ["robot,from_stamp,to_stamp,x,y,theta"], ["robot,stamp,landmark,range"]
-    way = ["robot,stamp,x,y,theta"]
-    for robot, (x, y, heading) in {"one": (6.0, 2.0, 0.0), "two": (8.0, 8.0, 3.0)}.items():
-        for k in range(STEPS):
-            way.append(f"{robot},{k},{x},{y},{heading}")
-            for name, at in ANCHORS.items():
-                far = np.hypot(at[0] - x, at[1] - y) + longer * (name == "c") + 0.1 * rng.normal()
-                ranges.append(f"{robot},{k},{name},{far}")
-            if k + 1 < STEPS:
-                dx, dy, turn = (0.5, 0.0, 0.17) + rng.normal(size=3) * (0.02, 0.01, 0.005)
-                odometry.append(f"{robot},{k},{k + 1},{dx},{dy},{turn}")
-                x, y, heading = x + 0.5 * np.cos(heading), y + 0.5 * np.sin(heading), heading + 0.17
-    survey = [
-        "landmark,x,y",
-        *(f"{n},{x + 0.02 * rng.normal()},{y + 0.02 * rng.normal()}" for n, (x, y) in ANCHORS.items()),
-    ]
-    known = ["landmark,x,y", *(f"{name},{x},{y}" for name, (x, y) in ANCHORS.items())]
-    files = {"odometry": odometry, "ranges": ranges, "survey": survey, "robots": way, "anchors": known}
-    for file, rows in files.items():
-        (folder / f"{file}.csv").write_text("\n".join(rows) + "\n")
-    (folder / "team.toml").write_text(TEAM)
-    return run(folder)
+    ways = {"one": _circle(6.0, 2.0, 0.0), "two": _circle(8.0, 8.0, 3.0)}
+    rng, far = np.random.default_rng(seed), {"c": longer}
+    return run(write_ranging(folder, rng, ways, ANCHORS, sigma_m=0.1, longer_m=far, surveyed=True))
+
+
+def _circle(x: float, y: float, heading: float) -> Array:
+    headings = heading + TURN * np.arange(STEPS)
+    steps = STEP * np.stack([np.cos(headings), np.sin(headings)], -1)
+    places = np.array([x, y]) + np.cumsum(steps, 0) - steps
+    return np.concatenate([places, headings[:, None]], -1)
 
 
 @pytest.mark.parametrize("seed", range(3))

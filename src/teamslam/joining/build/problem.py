@@ -21,7 +21,7 @@ from teamslam.joining.build.eyes import best_seen_from
 from teamslam.joining.build.split import refuse_borrowed
 from teamslam.joining.start.adrift import adrift
 from teamslam.joining.start.dead_reckoning import own_chain
-from teamslam.joining.start.elsewhere import AGAIN, elsewhere
+from teamslam.joining.start.elsewhere import elsewhere, while_lower
 from teamslam.joining.start.starts import driven_start, starts
 from teamslam.joining.start.twofold import RULED_OUT, twofold
 from teamslam.model import (
@@ -115,13 +115,12 @@ class Problem:
 
     def placed(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
         """The optimum with landmarks where what sees them costs less, while that gains: itself, where none does."""
-        for _ in range(AGAIN):
-            other = elsewhere(optimum.values, self.system.tables, np.array([self.base]))
-            found = None if other is None else self._lower(optimum, other, options, progress)
-            if found is None:
-                break
-            optimum = found
-        return optimum
+        return while_lower(
+            optimum,
+            lambda found: found,
+            lambda found: elsewhere(found.values, self.system.tables, np.array([self.base])),
+            lambda other: firm(self.system, optimise(self.system, other, options, progress)),
+        )
 
     def upright(self, optimum: Solution, options: Options, progress: Callable[[Step], None] | None) -> Solution:
         """The optimum with no tag left the wrong way round (see `mirrored` and `yielded`), and no part that hangs on

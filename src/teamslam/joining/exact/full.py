@@ -23,7 +23,7 @@ from teamslam.joining.join.gauge import anchor
 from teamslam.joining.join.join import Component, Joined, join
 from teamslam.joining.join.optimum import in_the_way, less
 from teamslam.joining.start.adrift import adrift
-from teamslam.joining.start.elsewhere import AGAIN, elsewhere
+from teamslam.joining.start.elsewhere import elsewhere, while_lower
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import A_LOG, WORLD, Dataset, Sources, Submap, Table, Values, expect, is_landmark
 from teamslam.solver import Options, Solution, Step, System, reach
@@ -114,20 +114,12 @@ def _lowest(
     dataset: Dataset, joined: Submap, start: Values, options: Options, progress: Callable[[Step], None] | None
 ) -> tuple[Solution, list[Table], IntArray]:
     """As `_solved`, and from there again with landmarks put where what sees them costs less, while that gains."""
-    found = _solved(dataset, joined, start, options, progress)
-    for _ in range(AGAIN):
-        solution, tables, fixed = found
-        other = elsewhere(solution.values, tables, fixed)
-        if other is None:
-            break
-        try:
-            again = _solved(dataset, joined, other, options, progress)
-        except SolveError:
-            break
-        if len(again[0].values) < len(solution.values) or not again[0].is_lower_than(solution):
-            break
-        found = again
-    return found
+    return while_lower(
+        _solved(dataset, joined, start, options, progress),
+        lambda found: found[0],
+        lambda found: elsewhere(found[0].values, found[1], found[2]),
+        lambda other: _solved(dataset, joined, other, options, progress),
+    )
 
 
 def _solved(

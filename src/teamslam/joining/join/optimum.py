@@ -17,7 +17,7 @@ from teamslam.joining.join.interiors import Member, restored
 from teamslam.joining.join.start_values import start_values
 from teamslam.joining.place.stack import Stack
 from teamslam.joining.start.adrift import adrift
-from teamslam.joining.start.elsewhere import AGAIN, elsewhere
+from teamslam.joining.start.elsewhere import elsewhere, while_lower
 from teamslam.joining.start.triangulate import triangulate
 from teamslam.model import WORLD, Layout, Names, Sources, Submap, Table, Values, is_landmark
 from teamslam.solver import Options, Solution, Status, Step, SubmapTerm, System, convex_start, reach
@@ -50,20 +50,15 @@ class Optimum:
         """The optimum from these frames of the members, and from there again with landmarks that only raw rows hold put
         where what sees them costs less, while that gains; they are sought first from where they are `known` to be, else
         where these frames put them."""
-        found = cls._first(members, frames, options, progress, known)
-        stack = Stack.of([member.joined for member in members])
-        for _ in range(AGAIN):
-            other = elsewhere(found.shared.values, found.used, np.append(stack.keys, found.fixed))
-            if other is None:
-                break
-            try:
-                again = cls._from(members, stack, other, found.used, found.fixed, options, progress)
-            except SolveError:
-                break
-            if not again.shared.is_lower_than(found.shared):
-                break
-            found = again
-        return found
+        first = cls._first(members, frames, options, progress, known)
+        stack, used, fixed = Stack.of([member.joined for member in members]), first.used, first.fixed
+        held = np.append(stack.keys, fixed)
+        return while_lower(
+            first,
+            lambda found: found.shared,
+            lambda found: elsewhere(found.shared.values, used, held),
+            lambda other: cls._from(members, stack, other, used, fixed, options, progress),
+        )
 
     @classmethod
     def _first(

@@ -4,18 +4,43 @@ A start may be off by many sigmas. Landmarks placed from it are off as far, and 
 nothing draws them back once the poses have found their places. There, by all that sees them, they are placed anew.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
+from teamslam.errors import SolveError
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.start.triangulate import Bundle
 from teamslam.model import Kind, Table, Values, is_landmark
+from teamslam.solver import Solution
+
+T = TypeVar("T")
 
 CONTRADICTED = 4.0  # times as large as their sigmas say, squared: what residuals of a landmark are before it is asked
 GAINS = 2.0  # of cost: less is not worth another search
 AGAIN = 2  # times that a map is sought from where they came to lie
 REFINEMENTS = 4  # of a few steps each, from each proposal
+
+
+def while_lower(
+    found: T, solution: Callable[[T], Solution], other: Callable[[T], Values | None], search: Callable[[Values], T]
+) -> T:
+    """What is `found`, or what a `search` finds from where an `other` look (as `elsewhere`) has its landmarks, while
+    that is a lower optimum of no fewer variables."""
+    for _ in range(AGAIN):
+        start = other(found)
+        if start is None:
+            break
+        try:
+            again = search(start)
+        except SolveError:
+            break
+        here, there = solution(found), solution(again)
+        if len(there.values) < len(here.values) or not there.is_lower_than(here):
+            break
+        found = again
+    return found
 
 
 def elsewhere(values: Values, tables: Sequence[Table], held: IntArray) -> Values | None:
