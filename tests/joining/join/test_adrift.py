@@ -45,3 +45,12 @@ def test_what_runs_off_is_left_out_and_the_rest_is_at_an_optimum(config: Config,
         assert "is known too badly" in lost.reason or "nearly parallel" in lost.reason
     near = found.map.values.positions(found.map.landmark_keys, 2)
     assert np.linalg.norm(near, axis=-1).max(initial=0.0) < 1e4
+
+
+@pytest.mark.parametrize("seed", [78, 95, 110, 132])
+def test_no_landmark_of_full_least_squares_might_as_well_be_endless(seed: int) -> None:
+    """Its rays became parallel, a thousand kilometres away, where nothing changes any more: that is no optimum."""
+    found = ts.run(two_views(seed), Config(method="full")).joined
+    assert found.converged
+    near = found.map.values.positions(found.map.landmark_keys, 2)
+    assert np.linalg.norm(near, axis=-1).max(initial=0.0) < 1e4

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.frontend.tags.hinges import swung
@@ -37,7 +38,6 @@ from teamslam.model import (
     index_of,
     is_landmark,
     is_pose,
-    rebased,
     robot_of,
 )
 from teamslam.solver import Options, Solution, Step, System, firm, optimise
@@ -157,7 +157,7 @@ class Problem:
         may know, so their sightings travel raw. One that fits elsewhere only if poses give way is tried there."""
         found: list[IntArray] = [np.zeros(0, np.int64)]
         if not optimum.converged:
-            found.append(adrift(optimum.values, self.system.tables))
+            found.append(adrift(optimum.values, self.system.tables, settled=False))
         for two in twofold(optimum.values, self.system.tables):
             lies_open = two.open | (two.more < RULED_OUT) & ~two.by_nature
             found.append(two.keys[lies_open])
@@ -172,15 +172,18 @@ class Problem:
         return np.concatenate(found)
 
     def submap(self, solution: Solution, id: str | None, version: int) -> Submap:
-        """What is kept of a solution, seen from where that is seen best (see `eyes`)."""
-        piece, base = self.piece, self.base
-        solved = Submap(
-            id=id or f"{piece.names.robot(int(robot_of(base)))}/{int(index_of(base))}",
+        """What is kept of a solution, seen from where that is seen best (see `eyes`): its measurements, linearised in
+        that frame."""
+        piece, robot = self.piece, int(robot_of(self.base))
+        base = best_seen_from(own_chain(piece, robot), self.system.tables, solution.values)
+        values = solution.values.seen_from(solution.values.pose(base), solution.values.layout)
+        return Submap(
+            id=id or f"{piece.names.robot(robot)}/{int(index_of(self.base))}",
             version=version,
             base=base,
-            base_dim=piece.robots[int(robot_of(base))],
-            values=solution.values.select(solution.values.layout.keys != base),
-            information=solution.information,
+            base_dim=piece.robots[robot],
+            values=values.select(values.layout.keys != base),
+            information=lambda: self._information(solution, base, values),
             sources=Sources.of(piece.tables),
             names=piece.names,
             raw=tuple(self.raw),
@@ -188,9 +191,13 @@ class Problem:
             chi2=solution.chi2,
             rows=solution.rows,
         )
-        return rebased(
-            solved, best_seen_from(solved.trajectory_keys(int(robot_of(base))), self.system.tables, solution.values)
-        )
+
+    def _information(self, solution: Solution, base: int, values: Values) -> sp.csr_array:
+        """The information of the measurements at a solution, whose `values` are seen from a base."""
+        if base == self.base:
+            return solution.information
+        system = System(values.layout, tables=self.system.tables, fixed=np.array([base]), names=self.piece.names)
+        return system.linearise(values).hessian.to_csr()
 
 
 def apart(system: System, one: Solution, other: Solution) -> bool:

@@ -146,9 +146,10 @@ def _solved(
             else:
                 world = False  # free to turn in the world after all (see `anchor`)
             continue
+        gone = adrift(found[0].values, tables, settled=found[0].converged)
         if without is not None:
-            return found if found[0].converged else without
-        gone = NOBODY if found[0].converged else np.setdiff1d(adrift(found[0].values, tables), loose)
+            return found if found[0].converged and not len(gone) else without
+        gone = np.setdiff1d(gone, loose)
         if len(gone):
             start, loose = less(start, gone), np.append(loose, gone)
             continue

@@ -97,9 +97,7 @@ def _rounds(
         parts, raw = parts_of(members, point_of(joined).layout, world=joined.base == WORLD)
         try:
             found = _Team(parts, raw, joined).run(component, gap, max_rounds, options, progress)
-            if found.solution is None or found.solution.converged:
-                return found
-            gone = np.setdiff1d(adrift(found.map.all_values, raw), held)
+            gone = np.setdiff1d(adrift(found.map.all_values, raw, settled=found.converged), held)
             if not len(gone):
                 return found
         except SolveError as error:

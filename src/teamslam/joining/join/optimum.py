@@ -99,7 +99,9 @@ class Optimum:
                 continue
             if without is not None:
                 return found if found.shared.converged else without
-            gone = np.setdiff1d(adrift(found.shared.values, used), stack.keys) if found.in_vain else NOBODY
+            gone = (
+                np.setdiff1d(adrift(found.shared.values, used, settled=False), stack.keys) if found.in_vain else NOBODY
+            )
             if len(gone):
                 start, loose = less(start, gone), np.append(loose, gone)
                 continue

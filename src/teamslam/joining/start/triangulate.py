@@ -200,19 +200,19 @@ class Bundle:
         """What the sightings of each landmark cost (n,) at these places (n, d)."""
         return _linearised(self.rays, places)[0]
 
-    def held_at(self, places: Array) -> BoolArray:
+    def held_at(self, places: Array, share: float = HELD) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance at these places (n, d)."""
         _, _, information = _linearised(self.rays, places)
-        return self.holds(places, information)
+        return self.holds(places, information, share)
 
-    def holds(self, places: Array, information: Array) -> BoolArray:
+    def holds(self, places: Array, information: Array, share: float = HELD) -> BoolArray:
         """Whether each landmark (n,) is known to a share of its least distance."""
         nearest = self.nearest(places)
         known = np.isfinite(information).all((1, 2), keepdims=True)  # a landmark where its sensor is has no bearing
         sizes = np.linalg.eigvalsh(np.where(known, information, 0.0))
         least = sizes[:, 0] * self.unseen
         told = sizes[:, 0] > ROUNDING * sizes[:, -1]  # and not by what differences leave of nothing
-        return np.asarray(told & (least * (HELD * np.where(np.isfinite(nearest), nearest, 0.0)) ** 2 > 1.0))
+        return np.asarray(told & (least * (share * np.where(np.isfinite(nearest), nearest, 0.0)) ** 2 > 1.0))
 
 
 def _lowest(places: Array, costs: Array) -> IntArray:
