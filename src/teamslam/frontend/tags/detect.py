@@ -12,6 +12,7 @@ import numpy as np
 
 from teamslam.errors import InputError, MissingExtraError
 from teamslam.frontend.streams import TagCorners
+from teamslam.frontend.tags.acute import unturned
 from teamslam.frontend.tags.edges import edge_widths
 from teamslam.geometry import AnyArray, Array, IntArray
 
@@ -59,6 +60,7 @@ class Detector:
 
     def __init__(self, looking: Looking) -> None:
         library = library_of_tags()
+        self._reach = float(int(looking.decimate) + 1)  # as the library has it
         self._of = {
             name: library.apriltag(name, threads=1, maxhamming=MENDED, decimate=looking.decimate)
             for name in looking.families
@@ -70,12 +72,13 @@ class Detector:
         tags = [(name, tag) for name, detector in self._of.items() for tag in detector.detect(image)]
         tags.sort(key=lambda found: (found[0], found[1]["id"], *found[1]["center"].tolist()))
         corners = np.array([tag["lb-rb-rt-lt"] for _, tag in tags], float).reshape(-1, 4, 2) - HALF_PIXEL
+        widths = edge_widths(image, corners)
         return Found(
             np.array([tag["id"] for _, tag in tags], np.int64),
-            corners,
+            unturned(corners, widths, self._reach),
             np.array([tag["hamming"] for _, tag in tags], np.int64),
             tuple(name for name, _ in tags),
-            edge_widths(image, corners),
+            widths,
             (image.shape[1], image.shape[0]),
         )
 

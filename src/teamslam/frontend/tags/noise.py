@@ -44,7 +44,7 @@ def corner_covariances(corners: Array, floor: float, edge: float, widths: Array 
     cells = _cells(corners, along, length)
     crowded = (CROWDED * np.exp(-(cells**2) / (NEAR * (wide**2 + 1.0 / 3.0)))) ** 2 * (edge > 0.0)
     lines = line[..., None, None] * LINE + crowded[..., None, None] * np.eye(2)  # (m, 4, 2, 2)
-    J = _crossings(along / length[..., None])
+    J = by_lines(along / length[..., None])
     covariance = np.einsum("mikr,mkrs,mjks->mij", J, lines, J)
     if widths is None:
         covariance *= np.kron(np.eye(4), np.ones((2, 2)))
@@ -58,7 +58,7 @@ def _cells(corners: Array, along: Array, length: Array) -> Array:
     return np.asarray(np.abs(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]) / length / CELLS)
 
 
-def _crossings(t: Array) -> Array:
+def by_lines(t: Array) -> Array:
     """By how much corners move (m, 8, 4, 2) where each line, along t (m, 4, 2), is moved across at its two ends."""
     before = np.roll(t, 1, 1)
     sine = t[..., 1] * before[..., 0] - t[..., 0] * before[..., 1]
