@@ -69,7 +69,7 @@ def main() -> None:
         true, given = told(log, found)
         right = sum(np.unique(true[given == key], return_counts=True)[1].max() for key in np.unique(given))
         every = sum(int(is_landmark(table.keys[:, -1]).sum()) for table in log.tables)
-        without, best = run(found), error(run(log))
+        without, best = run(nameless(log)), error(run(log))
         print(
             f"| {path.name} | {len(np.unique(given))} of {len(log.landmark_keys)} | {len(true) / every:.0%} "
             f"| {right / len(true):.2%} | {len(without.maps)} | {error(without):.3f} m, {best:.3f} m "

@@ -1,7 +1,8 @@
 """Who is who in a team's log where sightings of landmarks have no names: decided before anything is joined.
 
     by names  where most sightings have one, the others by the map of these                              (`by_names`)
-    cooled    where robots see each other, and no landmark has a name, the team at once, coarsely first   (`cooling`)
+    cooled    where robots see each other, and no landmark has a name, the team at once, coarsely first   (`cooling`);
+              what that leaves open, by the map of what it told
 
 and else
 
@@ -25,7 +26,7 @@ from teamslam.joining import join, split
 from teamslam.model import Dataset, Dropped, Kind, Names, Submap, Table, is_landmark, is_unnamed
 from teamslam.solver import Covariances
 from teamslam.trust.associate.across import Constellation, Motion, motions
-from teamslam.trust.associate.by_names import by_names
+from teamslam.trust.associate.by_names import by_names, told_again
 from teamslam.trust.associate.compatible import NONE, UNSURE
 from teamslam.trust.associate.cooling import cooled
 from teamslam.trust.associate.sensing import Seen
@@ -75,6 +76,7 @@ def associate(dataset: Dataset, tell: Callable[[int, int], None] = lambda done, 
         pieces = [_Piece.told(dataset, robot, marks) for robot, marks in told.items()]
         return _named(dataset, pieces, (), {key: key for key in _names_of(dataset)})
     if team := cooled(dataset):
+        team = told_again(dataset, team)
         return _named(dataset, [_Piece.told(dataset, robot, marks) for robot, marks in team.items()], ())
     pieces = _alone(split(dataset), tell)
     pieces, rivals, scale = _together(pieces)

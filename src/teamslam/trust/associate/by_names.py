@@ -7,10 +7,13 @@
     again   with what was told, as long as anything is left open that this may decide
     rest    what is of none of them has landmarks of its own, told apart along the ways that this map knows (`cooling`)
 
+Landmarks that nobody named but which were told apart serve as names do for what was left open (`told_again`).
+
 The cost is that of a map of the log, and of one solve for each landmark that stands near a sighting without a name.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +23,7 @@ from teamslam.joining import build, join, split
 from teamslam.joining.start.targets import place_targets
 from teamslam.model import Dataset, Submap, chi2_quantile, is_landmark, is_unnamed
 from teamslam.trust.associate.compatible import NONE, UNSURE, matched
-from teamslam.trust.associate.cooling import cooled_beside
+from teamslam.trust.associate.cooling import FIRST, cooled_beside
 from teamslam.trust.associate.filter import Innovations
 from teamslam.trust.associate.joint import Joint
 from teamslam.trust.associate.mixture import FEWEST
@@ -54,6 +57,17 @@ def by_names(log: Dataset, tell: Tell) -> dict[int, IntArray] | None:
         if all((found != UNSURE).all() or np.array_equal(found, before[robot]) for robot, found in marks.items()):
             break
     return _with_rest(log, seen, marks)
+
+
+def told_again(log: Dataset, marks: Mapping[int, IntArray]) -> dict[int, IntArray]:
+    """By robot, the landmark (m,) of each of its sightings, by a number in the team, where some were left open (below
+    0): these are judged, once, by the map of those that are told, as if that were their names."""
+    seen = {robot: Seen.of(log.of_robot(robot), robot) for robot in log.robots}
+    keys = {robot: np.where(found >= 0, found + FIRST, found) for robot, found in marks.items()}
+    maps = _maps(_told(log, seen, keys))
+    named = {robot: replace(each, labels=np.maximum(keys[robot], NONE)) for robot, each in seen.items()}
+    found = {robot: _judged(log, each, keys[robot], maps) for robot, each in named.items()}
+    return {robot: np.where(keys >= 0, keys - FIRST, keys) for robot, keys in found.items()}
 
 
 def _named(log: Dataset, robot: int) -> int:
