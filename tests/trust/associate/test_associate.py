@@ -17,7 +17,7 @@ from teamslam.trust.associate import Associated, associate
 from teamslam.trust.associate.across import Constellation, motions
 from teamslam.trust.associate.by_names import told_again
 from teamslam.trust.associate.compatible import UNSURE
-from teamslam.trust.associate.cooling import cooled
+from teamslam.trust.associate.cooling import _are_ghosts, cooled
 from thinned import thinned
 
 ALONE = Robot(robots=None)  # sees no other robot
@@ -242,6 +242,22 @@ def test_what_is_left_open_is_told_by_the_map_of_what_was_told(space: str) -> No
         np.testing.assert_array_equal(again[robot][stayed], marks[stayed])
         assert found.sum() >= 0.9 * open_[robot].sum()
         assert np.mean(again[robot][found] == marks[found]) >= 0.98
+
+
+def test_what_is_laid_nearer_than_images_show_is_the_same_seen_from_elsewhere() -> None:
+    """Three landmarks 2.5 m apart, two in each image. Laid from ways that are 0.6 m off in half of the images they look
+    like six; groups that stand as close as that and are seen together are no such thing."""
+    rng = np.random.default_rng(0)
+    three = np.array([[0.0, 0.0], [2.5, 0.0], [0.0, 2.5]])
+    which = np.concatenate([rng.permutation(3)[:2] for _ in range(200)])
+    images = np.repeat(np.arange(200), 2)
+    off = np.where(images[:, None] % 2, 0.6, 0.0) + 0.05 * rng.standard_normal((400, 2))
+    there = np.concatenate([three, three + 0.6])
+    assert _are_ghosts(three[which] + off, which + 3 * (images % 2), there, images)
+    close = np.concatenate([three, three + 0.2])
+    every = np.stack([which[::2], which[::2] + 3], 1).ravel()
+    assert not _are_ghosts(close[every] + 0.05 * rng.standard_normal((400, 2)), every, close, images)
+    assert not _are_ghosts(three[which], which, three, images)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -35,6 +35,11 @@ from teamslam.trust.associate.within import CONFIRMED, FIRST, Own, Prior, again_
 SURE = 0.99  # odds from which maps are taken to lie so
 ROUNDS = 3
 START_M, START_RAD = 0.3, 0.1  # how well constellations tell where a robot's way begins
+ROUGH = (
+    "landmarks without names could not be told from each other: without them it is known too roughly where the robots "
+    "were, and what was laid in one frame stands nearer than images show it; names for some of them, or more sightings "
+    "of robots, would tell"
+)
 PIECE = 1 << 20  # landmarks that one piece may have
 
 
@@ -76,7 +81,10 @@ def associate(dataset: Dataset, tell: Callable[[int, int], None] = lambda done, 
         pieces = [_Piece.told(dataset, robot, marks) for robot, marks in told.items()]
         return _named(dataset, pieces, (), {key: key for key in _names_of(dataset)})
     if team := cooled(dataset):
-        team = told_again(dataset, team)
+        if all((marks == UNSURE).all() for marks in team.values()):
+            dataset = replace(dataset, notes=(*dataset.notes, ROUGH))
+        else:
+            team = told_again(dataset, team)
         return _named(dataset, [_Piece.told(dataset, robot, marks) for robot, marks in team.items()], ())
     pieces = _alone(split(dataset), tell)
     pieces, rivals, scale = _together(pieces)

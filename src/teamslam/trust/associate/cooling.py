@@ -8,7 +8,8 @@
     off     how wrong that map is about where an image was taken from is measured where it was not told: on images that
             are left out of it
 
-What is kept is sure at 99 of 100 by that figure; the rest is of several landmarks.
+What is kept is sure at 99 of 100 by that figure; the rest is of several landmarks. Where what comes of it is nothing
+that images show, nothing is kept.
 
 Source: Rose, "Deterministic annealing for clustering, compression, classification" (1998); Kulis, Jordan, "Revisiting
 k-means" (ICML 2012), for landmarks that are born where none is near.
@@ -19,6 +20,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.spatial.distance import pdist
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
@@ -42,14 +45,19 @@ ROUNDS = 9
 TAIL = 0.95  # of images, by the farthest of which the others are judged
 BIRTHS = 100  # landmarks that are born at one distance, at most
 HELD = 3  # of so many images one is left out, to see how far off the map is there
+OFTEN, PAIRS, TOGETHER = (
+    10,
+    3,
+    0.05,
+)  # sightings of a landmark, and pairs, that tell; images that show both, of the rarer
 FIRST = 1 << 48  # keys of landmarks while nobody has named them
 QUICK = Options(max_iterations=60, decrement=0.1)
 
 
 def cooled(log: Dataset) -> dict[int, IntArray] | None:
     """By robot, the landmark (m,) of each of its sightings that place one (`Seen.of`), by a number in the team: NONE
-    where it is of none, UNSURE where of several. None where the ways do not hang together without landmarks, or where
-    these are poses, or some have names.
+    where it is of none, UNSURE where of several; all UNSURE where the ways are too rough to tell. None where the ways
+    do not hang together without landmarks, or where these are poses, or some have names.
 
     Law: sightings of one image are of different landmarks.
     """
@@ -259,7 +267,37 @@ def _told(raw: _Team, map: _Map, marks: IntArray, landmarks: Array, s: float) ->
         held = _off(team, map, kept, landmarks, off)
         map = team.solved(map, kept, landmarks, off)
         off = max(COOLER * off, held)
+    if _are_ghosts(map.places, np.where(sure, marks, -1), landmarks, team.images):
+        return np.full(len(marks), UNSURE)
     return np.where(sure, marks, np.where(marks < 0, NONE, UNSURE))
+
+
+def _are_ghosts(places: Array, marks: IntArray, landmarks: Array, images: IntArray) -> bool:
+    """Whether landmarks stand nearer to each other than what images show, and yet hardly any image shows two of them:
+    then they are the same few, seen from ways that do not lie as the map has them. `places` (m, d), `marks` and
+    `images` (m,): of sightings; `landmarks` (n, d)."""
+    from scipy.spatial import cKDTree
+
+    apart = _within_images(places, images)
+    if not len(apart) or not len(landmarks):
+        return False
+    shows = sp.csr_array((np.ones(np.count_nonzero(marks >= 0)), (images[marks >= 0], marks[marks >= 0])),
+                         shape=(int(images.max()) + 1, len(landmarks)))  # fmt: skip
+    together = (shows.T @ shows).toarray()
+    often = np.diag(together)
+    pairs = cKDTree(landmarks).query_pairs(0.5 * float(np.median(apart)), output_type="ndarray")
+    pairs = pairs[(often[pairs] >= OFTEN).all(1)]
+    if len(pairs) < PAIRS:
+        return False
+    shares = together[pairs[:, 0], pairs[:, 1]] / often[pairs].min(1)
+    return bool(np.mean(shares < TOGETHER) > 0.5)
+
+
+def _within_images(places: Array, images: IntArray) -> Array:
+    """How far apart [m] the two nearest sightings of each image are, of those images that have several."""
+    order = np.argsort(images, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(images[order])) + 1)
+    return np.array([float(pdist(places[group]).min()) for group in groups if len(group) > 1])
 
 
 def _members(
