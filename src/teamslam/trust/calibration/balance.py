@@ -31,7 +31,8 @@ BEGUN, LEAST = 0.1, 0.01  # of what is stated, on the mean of rows: where slips 
 OWN, UNSEEN = 0.05, 0.4  # of what rows tell of a slip, that scales do not say as well: else these say it; of one unseen
 FARTHER, NEAR = 4.0, 0.5  # than by the average information; steps that show how scores bend
 
-Scored = Callable[[Array], tuple[Array, Array]]
+Told = tuple[Array, Array]
+Scored = Callable[[Array], Told]
 Pulled = Callable[[Components, Sequence[Array], Array], tuple[Pulls, Array]]
 
 
@@ -59,17 +60,20 @@ def balanced(
     pace = (pulls.scores / np.maximum(np.diag(information), 1e-300))[scaled:]
     seen = (theta > 0.0) | (stands[scaled:] > by_chance(alarm / len(free)))
     own = np.append(np.ones(scaled, bool), told_apart(known) > np.where(seen, OWN, UNSEEN))
-    theta = np.where(theta > 0.0, theta, np.clip(pace, BEGUN * whole, whole)) * own[scaled:]
+    began, theta = theta, np.where(theta > 0.0, theta, np.clip(pace, BEGUN * whole, whole)) * own[scaled:]
     free = free.only(own)
+    begun: Told | None = None
+    if (theta == began).all():  # nothing has come in: what is left is known
+        begun = expecting(free.logs(scales, theta), len(free.scaled), pulls.scores[own], information[np.ix_(own, own)])
     while True:
         now = free, scales, theta
 
-        def scored(logs: Array, now: tuple[Components, list[Array], Array] = now) -> tuple[Array, Array]:
+        def scored(logs: Array, now: tuple[Components, list[Array], Array] = now) -> Told:
             pulls, information = pulled(now[0], *now[0].put(logs, *now[1:]))
             return expecting(logs, len(now[0].scaled), pulls.scores, information)
 
         least = np.append(np.full(len(free.scaled), -np.inf), np.log(LEAST * whole[list(free.slipping)]))
-        logs = settled(free.logs(scales, theta), scored, least)
+        logs, begun = settled(free.logs(scales, theta), scored, least, begun), None
         scales, theta = free.put(logs, scales, theta)
         out = logs <= least
         if not out.any():
@@ -78,7 +82,7 @@ def balanced(
         free = free.only(~out)
 
 
-def expecting(logs: Array, scaled: int, scores: Array, information: Array) -> tuple[Array, Array]:
+def expecting(logs: Array, scaled: int, scores: Array, information: Array) -> Told:
     """Scores (k,) and information (k, k) of phi = `logs`, the first `scaled` of them of scales, by what is expected
     before any data as well: scales that have one in common, whichever it is, each off it by APART, and slips of any
     deviation alike."""
@@ -91,14 +95,14 @@ def expecting(logs: Array, scaled: int, scores: Array, information: Array) -> tu
     return scores + pull, information + held
 
 
-def settled(start: Array, scored: Scored, least: Array) -> Array:
-    """phi (k,) where scores f vanish, by `scored`, which tells f and A, from a start; or where one that would go on
-    down is at its `least`.
+def settled(start: Array, scored: Scored, least: Array, begun: Told | None = None) -> Array:
+    """phi (k,) where scores f vanish, by `scored`, which tells f and A, from a start (where they may be `begun` with);
+    or where one that would go on down is at its `least`.
 
     Law: the same from any start, within SETTLED of its own deviation, unless scores vanish in several places.
     """
     at = np.maximum(start, least)
-    score, information = scored(at)
+    score, information = scored(at) if begun is None or (at > start).any() else begun
     bent = information
     for _ in range(STEPS):
         if ((at <= least) & (score < 0.0)).any() or _is_settled(score, information):

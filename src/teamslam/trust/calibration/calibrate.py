@@ -104,9 +104,9 @@ class Calibration:
         """The map of all `rows`, put right, with their systematic errors among its variables, and the calibration as
         that map holds it: it has moved on with them."""
         carries = self.carried_by(map, rows)
-        changes, systematic = self.changes, held(carries, rows, self.systematic)
-        for before, after in zip(self.systematic, systematic, strict=True):
-            changes = tuple(change.further(before, after.value - before.value, rows) for change in changes)
+        systematic = held(carries, rows, self.systematic)
+        further = [(was, now.value - was.value) for was, now in zip(self.systematic, systematic, strict=True)]
+        changes = tuple(change.further(further, rows) for change in self.changes)
         return carries, replace(self, changes=changes, systematic=systematic)
 
     def cost(self, map: Submap, log: Dataset) -> float:

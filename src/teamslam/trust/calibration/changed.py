@@ -40,13 +40,14 @@ class Change:
         mine = self.rows
         return (mine.robot, mine.kind) == (table.robot, table.kind)
 
-    def further(self, error: Systematic, amount: float, tables: Iterable[Table]) -> "Change":
-        """The same with so much more of an error taken out of those of its rows that are in `tables`."""
-        effect, ids = error.on(self.rows), [table.ids for table in tables if self.of(table)]
-        if effect is None or not ids:
+    def further(self, errors: Iterable[tuple[Systematic, float]], tables: Iterable[Table]) -> "Change":
+        """The same with so much more of each error taken out of those of its rows that are in `tables`."""
+        ids = [table.ids for table in tables if self.of(table)]
+        effects = [amount * effect for error, amount in errors if (effect := error.on(self.rows)) is not None]
+        if not effects or not ids:
             return self
         inside = np.isin(self.rows.ids, np.concatenate(ids))
-        return replace(self, shift=self.shift + amount * effect * inside[:, None])
+        return replace(self, shift=self.shift + sum(effects) * inside[:, None])
 
     def apply(self, table: Table, *, weigh: bool) -> Iterator[Table]:
         """The table's rows put right, each as it is alone, or, to `weigh` them, by what it counts. Rows that nothing is
