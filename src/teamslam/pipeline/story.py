@@ -178,12 +178,13 @@ def _told(
             clock.start("exactness")
             at = [calibration.at(c.map, log) for c in joined.components] if calibration else at
             joined = with_exactness(joined, pairs(pieces, submaps), at)
+        stated = log.tables if calibration else None
         if calibration:  # each row is judged by the deviation that it has alone
             log = calibration.put_right(log, weigh=False)
             joined, at = replace(joined, log=log), _at(log, joined)
         trust = assess(
             log, submaps if suspects else (), joined, at,
-            judged=None if calibration else judged, known=suspected, seen=seen,
+            judged=None if calibration else judged, stated=stated, known=suspected, seen=seen,
             rejecting=config.trust.reject, probability=config.trust.wrong, stage=clock.start,
         )  # fmt: skip
         trust = replace(trust, verdict=replace(trust.verdict, weighed=bool(calibration)))

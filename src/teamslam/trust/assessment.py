@@ -58,6 +58,7 @@ def assess(
     at: Sequence[AtMap],
     *,
     judged: Verdict | None = None,
+    stated: Sequence[Table] | None = None,
     known: Suspicions | None = None,
     seen: Suspicions | None = None,
     rejecting: bool = False,
@@ -73,7 +74,7 @@ def assess(
     the log; where not, `probability` is that one is wrong (None: by the data). `stage` hears what is looked at next.
     """
     stage("verdict on the fit")
-    judged = verdict(log, joined, at) if judged is None else judged
+    judged = verdict(log, joined, at, stated=stated) if judged is None else judged
     wrong = None
     if not rejecting:
         fits = not judged.gross or any(cause.is_mistake for cause in judged.causes)

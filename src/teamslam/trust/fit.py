@@ -23,7 +23,7 @@ from teamslam.cards import balance, card
 from teamslam.errors import SolveError, in_words
 from teamslam.joining import AtMap, Joined
 from teamslam.joining.build.build import CURE
-from teamslam.model import A_LOG, Dataset, Names, expect, robot_of
+from teamslam.model import A_LOG, Dataset, Names, Table, expect, robot_of
 from teamslam.trust.carriers import Share, carriers, sensor_shares
 from teamslam.trust.cause import Cause
 from teamslam.trust.causes.jumps import stands_out
@@ -103,12 +103,19 @@ class Verdict:
         return tuple(row for part in self.parts for row in part.rows)
 
 
-def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None) -> Verdict:
+def verdict(
+    dataset: Dataset,
+    joined: Joined,
+    at: Sequence[AtMap] | None = None,
+    *,
+    stated: Sequence[Table] | None = None,
+) -> Verdict:
     """How well a team's map fits the log that it was made of.
 
     Rows of variables that the map does not hold are left out; `at`, the log at each component's map, saves linearising
-    it again. Law: for the squared loss and a right model `cost` is distributed as chi-square with `dof` degrees of
-    freedom where the map is that of full least squares.
+    it again; `stated` are its tables with the noise that was stated, where this has been put right. Law: for the
+    squared loss and a right model `cost` is distributed as chi-square with `dof` degrees of freedom where the map is
+    that of full least squares.
     """
     expect(dataset, Dataset, A_LOG)
     expect(joined, Joined, "what ts.join or ts.full gave (a run has its own: run.verdict)")
@@ -121,7 +128,7 @@ def verdict(dataset: Dataset, joined: Joined, at: Sequence[AtMap] | None = None)
     dof = sum(int(row.numbers.sum()) for row in rows) - sum(part.unknowns for part in parts)
     if dof < 1:
         return unknown("every number measured was needed to make the map, and none is left to check it")
-    return _judged(dataset, joined, parts, rows, dof)
+    return _judged(dataset, joined, parts, rows, dof, stated)
 
 
 def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cause, ...]:
@@ -174,13 +181,20 @@ def unknown(reason: str) -> Verdict:
     return Verdict("unknown", none, none, (none, none), none, 0, 0.0, reason=reason)
 
 
-def _judged(dataset: Dataset, joined: Joined, parts: tuple[Residuals, ...], rows: Sequence[Rows], dof: int) -> Verdict:
+def _judged(
+    dataset: Dataset,
+    joined: Joined,
+    parts: tuple[Residuals, ...],
+    rows: Sequence[Rows],
+    dof: int,
+    stated: Sequence[Table] | None,
+) -> Verdict:
     total, names, noise = whole(rows), dataset.names, noise_of(rows)
     cost, expected = float(total.cost[0]), float(total.expected[0])
     low, high = (float(end[0]) for end in total.band)
     decrease = min(sum(part.decrease for part in parts), max(cost - expected, 0.0))
     far = _far(cost, decrease, expected, (low, high))
-    causes = mistakes_in(dataset, joined, parts, far=far)
+    causes = mistakes_in(dataset, joined, parts, far=far, stated=stated)
     lost = {int(robot) for out in joined.left_out for robot in robot_of(out.keys) if robot > 0}
     told = {robot for cause in causes for robot in cause.robots}
     of_lost = mistakes_of_robots(dataset, lost - told)

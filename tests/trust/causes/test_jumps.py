@@ -113,3 +113,17 @@ def test_however_it_is_mapped_right_sightings_stay(option: str) -> None:
     (lost,) = result.joined.left_out
     assert lost.count == 1 and log.names.robot(robot) in lost.what
     assert result.decisions is None or result.decisions.rejected <= 2
+
+
+@pytest.mark.parametrize("size", [20.0, 40.0])
+def test_a_step_within_the_noise_that_was_stated_is_no_mistake(size: float) -> None:
+    """Noise that is stated a hundred times too large, as of many pose graphs: the data put it right, and a step in its
+    tail by these makes no log wrong. Of the same log with its noise as it is, the step is named."""
+    log = simulate("2d", 3)
+    ((robot, row),) = drawn(log, 3)
+    jumped = faults.jumped(log, robot, row, size, 3)
+    loose = jumped.with_tables(replace(table, whitening=table.whitening / 100.0) for table in jumped.tables)
+    assert cuts_in(jumped)
+    result = run(loose)
+    assert result.calibration and all(scale.scale < 0.1 for scale in result.calibration.scales)
+    assert not result.verdict.gross and not result.verdict.mistakes and not result.joined.left_out

@@ -9,8 +9,9 @@ false valley to stay in), then Cauchy's. A step is named where
     fewest     with it in, and all else forgiven what it may be, sightings (each at most as a wrong one costs) and other
                steps cost so much more that this one fault is the likelier
 
-each beyond doubt (see SURE), with the noise of each table widened by the median of its residuals. Where a neighbour
-explains it as well, as no sighting tells between both, all of these are left out: nobody knows which it is.
+each beyond doubt (see SURE), with the noise of each table widened by the median of its residuals. Where the data have
+made the noise smaller than a log states it, a step within what was stated is the tail of its noise, and none. Where a
+neighbour explains it as well, as no sighting tells between both, all of these are left out: nobody knows which it is.
 
 Bound: nothing but residuals where no step stands out at the map; else two solves, and four for each of at
 most MOST steps.
@@ -69,9 +70,10 @@ def holds_steps(table: Table) -> bool:
     return table.model == "relative_pose" and len(table) > 1 and bool(table.own.all())
 
 
-def jumps(log: Dataset, joined: Submap, *, doubted: bool = False) -> list[Cause]:
+def jumps(log: Dataset, joined: Submap, *, doubted: bool = False, stated: Sequence[Table] | None = None) -> list[Cause]:
     """The steps of odometry that contradict all else in a map, each with what leaves it out of a log. `doubted`: where
-    sightings were left out of the map that are in the log, which may hide them."""
+    sightings were left out of the map that are in the log, which may hide them. `stated`: the tables of the log with
+    the noise that it states, where this has been put right."""
     values = point_of(joined)
     tables = told_by(log.tables, values.layout)
     if not doubted and not any(stands_out(table, table.whitened(values)) for table in tables if holds_steps(table)):
@@ -80,6 +82,7 @@ def jumps(log: Dataset, joined: Submap, *, doubted: bool = False) -> list[Cause]
         found = _Search(tables, joined, values).found()
     except TeamslamError:
         return []
+    found = [jump for jump in found if stated is None or not _as_stated(jump, tables[jump.at], stated)]
     before, after = _costs(tables, joined, values, found) if found else (0.0, 0.0)
     due = sum(table.dof for table in tables) - values.layout.dof
     explains = float(np.clip((before - after) / max(before - due, 1.0), 0.0, 1.0))
@@ -248,6 +251,24 @@ def _along(error: Array, covariance: Array) -> float:
 def _among(jump: Jump, found: Sequence[Jump]) -> bool:
     """Whether it is a step that may be one of those found."""
     return any(other.at == jump.at and jump.row in other.steps for other in found)
+
+
+def _as_stated(jump: Jump, table: Table, stated: Sequence[Table]) -> bool:
+    """Whether a jump is within the noise that was stated of its steps, by the largest share that this makes of it."""
+    now = dict(zip(table.ids[jump.steps].tolist(), _each(table)[jump.steps], strict=True))
+    shares = [
+        float(np.linalg.norm(was @ np.linalg.pinv(now[row]), 2))
+        for before in stated
+        if (before.robot, before.kind) == (table.robot, table.kind)
+        for row, was in zip(before.ids.tolist(), _each(before), strict=True)
+        if row in now
+    ]
+    return bool(shares) and jump.size * max(shares) ** 2 < STANDS_OUT
+
+
+def _each(table: Table) -> Array:
+    """The whitening of each row (m, r, r)."""
+    return np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
 
 
 def _costs(tables: Sequence[Table], joined: Submap, values: Values, found: Sequence[Jump]) -> tuple[float, float]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from teamslam.errors import TeamslamError
 from teamslam.joining import Joined
-from teamslam.model import Dataset
+from teamslam.model import Dataset, Table
 from teamslam.trust.cause import Cause, rows_called
 from teamslam.trust.causes.alone import SURE, Found, Mistake, mistake_of
 from teamslam.trust.causes.between import FITS, may_disagree, mistakes_between
@@ -41,9 +41,17 @@ EXCESS = 50.0  # of cost, that must go with it
 UNCERTAIN = 0.3  # of the cost of a row, by what is not known of its leverage
 
 
-def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals], *, far: bool = False) -> list[Cause]:
+def mistakes_in(
+    log: Dataset,
+    joined: Joined,
+    parts: Sequence[Residuals],
+    *,
+    far: bool = False,
+    stated: Sequence[Table] | None = None,
+) -> list[Cause]:
     """The mistakes in a log that explain why its map does not fit; `parts` are the residuals at the map. Of one that is
-    `far` from where its rows would have it, by its join, residuals tell nothing, and only the world is asked."""
+    `far` from where its rows would have it, by its join, residuals tell nothing, and only the world is asked. `stated`:
+    the log's tables with the noise that it states, where this has been put right."""
     rows = [row for part in parts for row in part.rows]
     if far or _bad(by_sensor(rows)[0], BAD_SENSOR):
         in_the_world = mistakes_in_the_world(log)
@@ -60,7 +68,7 @@ def mistakes_in(log: Dataset, joined: Joined, parts: Sequence[Residuals], *, far
         return sizes
     bad = _bad(by_sensor(rows)[0], BAD_SENSOR)
     found = mistakes_of_tables(log, rows) if bad else []
-    found = found or [cause for component in joined.components for cause in jumps(log, component.map)]
+    found = found or [cause for component in joined.components for cause in jumps(log, component.map, stated=stated)]
     if found or not costly:
         return found
     return [cause for component, part in both for cause in two_places(log, component.map, part.rows, all_of_it=bad)]
