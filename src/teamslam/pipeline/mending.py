@@ -32,6 +32,7 @@ from teamslam.trust.calibration import Calibration, as_stated, calibrate, rows_i
 from teamslam.trust.causes.cut import Cut
 from teamslam.trust.causes.jumps import jumps
 from teamslam.trust.mounts import misplaced
+from teamslam.trust.turning import turning
 from teamslam.trust.unknowns import Settled, settled, with_unknowns
 
 PLACES = ("landmark", "place", "name")  # kinds of causes by which landmarks are called otherwise
@@ -98,16 +99,22 @@ def in_their_places(dataset: Dataset, wrong: Sequence[Cause]) -> tuple[Dataset, 
     return dataset, found
 
 
-def with_places_unknown(dataset: Dataset, log: Dataset, judged: Verdict) -> tuple[Dataset, tuple[Cause, ...]]:
+def with_places_unknown(
+    dataset: Dataset, log: Dataset, at: Sequence[AtMap], judged: Verdict | None
+) -> tuple[Dataset, tuple[Cause, ...]]:
     """A log in which the places of sensors on their robots are to be estimated, where a map that does not fit, and no
-    mistake explains, shows that some sit elsewhere than stated; and which those are."""
-    if judged.mistakes or judged.level not in ("strained", "misfit"):
+    mistake explains, shows that some sit elsewhere than stated, or that one turns; and which those are. `judged`: where
+    any sensor costs too much."""
+    if judged is not None and judged.mistakes:
         return dataset, ()
-    found = tuple(misplaced(log, judged.rows))
+    found = misplaced(log, judged.rows) if judged is not None and judged.level in ("strained", "misfit") else []
+    if not found:
+        with suppress(SolveError):
+            found = turning(log, at)
     for cause in found:
         assert cause.mend is not None
         dataset = cause.mend(dataset)
-    return dataset, found
+    return dataset, tuple(found)
 
 
 def only_by_the_join(log: Dataset, joined: Joined, wrong: Sequence[Cause], config: Config) -> bool:

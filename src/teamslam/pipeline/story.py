@@ -137,8 +137,8 @@ def _told(
             with suppress(SolveError):
                 return _told(dataset, in_rounds(config), clock, None, work, apart, (*added, _said(joined, at)), cut)
         again, moved = in_their_places(dataset, every)
-        if not moved and more and judged is not None:
-            again, moved = with_places_unknown(dataset, log, judged)
+        if not moved and more:
+            again, moved = with_places_unknown(dataset, log, at, judged)
         if not moved and suspected is None and submaps and not config.join.exact and more:
             lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
             again, moved = in_their_places(dataset, lies)

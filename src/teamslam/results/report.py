@@ -25,9 +25,10 @@ Its fields:
     apart                          what landmarks are called otherwise than in the log: each with its `kind` (landmark:
                                    one that was moved, or of which two carry one name, and that is two in the map;
                                    place: what one robot has elsewhere than the others, a landmark of its own; name:
-                                   what one robot called by another's name; and mount: sensors that sit or look
-                                   elsewhere than stated, of which `estimated` says where), `sentence`, what it
-                                   `explains` of the excess, and the `robots` that saw it
+                                   what one robot called by another's name; mount: sensors that sit or look elsewhere
+                                   than stated, of which `estimated` says where; and turning: one that turned on its
+                                   robot, as `estimated` says), `sentence`, what it `explains` of the excess, and the
+                                   `robots` that saw it
     calibration                    what the data showed to be wrong with their model, and what was put right before the
                                    map was made again: `sentences`; `systematic` errors, each with `value`, `sigma` and
                                    `prior`; `scales` of deviations; `slips` of odometry; `lasting`, how errors hang

@@ -20,6 +20,7 @@ DONE = {
     "place": "what it sees is a landmark of its own",
     "name": "these sightings are of that landmark now",
     "mount": "it is estimated with the map, and to be stated as the `sensor` of these rows",
+    "turning": "its turns are estimated with the map",
 }
 
 
