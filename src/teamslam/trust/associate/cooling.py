@@ -21,7 +21,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial.distance import pdist
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
@@ -295,6 +294,8 @@ def _are_ghosts(places: Array, marks: IntArray, landmarks: Array, images: IntArr
 
 def _within_images(places: Array, images: IntArray) -> Array:
     """How far apart [m] the two nearest sightings of each image are, of those images that have several."""
+    from scipy.spatial.distance import pdist
+
     order = np.argsort(images, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(images[order])) + 1)
     return np.array([float(pdist(places[group]).min()) for group in groups if len(group) > 1])
