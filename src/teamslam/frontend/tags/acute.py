@@ -15,7 +15,6 @@ a number of its own:
 """
 
 import numpy as np
-from scipy.special import ndtr
 
 from teamslam.frontend.tags.edges import CUT, NARROWEST
 from teamslam.frontend.tags.noise import EVERY_PX, POINTS, by_lines
@@ -82,6 +81,8 @@ def _centres(s: Array, cosine: Array, sine: Array, width: Array, other: Array, r
 
 def _both(h: Array, k: Array, correlation: Array) -> Array:
     """P(u < h, u' < k) of Gaussians: by Plackett, an integral over the arc sine of their correlation."""
+    from scipy.special import ndtr
+
     arc = 0.5 * np.arcsin(correlation)[..., None]
     sine = np.sin(arc * (NODES + 1.0))
     h_, k_ = h[..., None], k[..., None]

@@ -24,8 +24,7 @@ from teamslam.model import Submap, chi2_quantile
 from teamslam.solver import Covariances
 from teamslam.trust.outliers.clique import largest_clique
 
-GATE = float(chi2_quantile(0.9999, 1))  # on differences of distances
-PROBABILITY = 0.9999  # of two right places to agree
+PROBABILITY = 0.9999  # of two right places, and of two distances that are the same, to agree
 CLOSE = 0.5  # of the larger set's sightings, that the smaller has at least where it could be the landmark
 CERTAIN = 6  # pairs that are equally far from each other: more than come together by chance
 FIRST_ONLY = 400  # pairs, beyond which only the first sets are paired
@@ -117,7 +116,8 @@ def _frame(one: Candidates, other: Candidates) -> Pose | None:
         np.linalg.norm(c.places[at, None] - c.places[None, at], axis=-1) for c, at in ((one, here), (other, there))
     ]
     variance = one.variances[here] + other.variances[there] + PLACE_SIGMA**2
-    alike = (between[0] - between[1]) ** 2 <= GATE * (variance[:, None] + variance[None])
+    gate = chi2_quantile(PROBABILITY, 1)
+    alike = (between[0] - between[1]) ** 2 <= gate * (variance[:, None] + variance[None])
     clique = largest_clique(alike & (one.marks[here, None] != one.marks[None, here])).members
     if clique.sum() >= CERTAIN:
         dim = 2 if one.planar else 3
