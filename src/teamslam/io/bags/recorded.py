@@ -182,9 +182,13 @@ def _implied(entry: RobotEntry, camera: CameraEntry, known: Camera, seen: TagPos
     dropped = [Dropped(count, f"{who}: poses of tags that this camera cannot have seen")] if count else []
     told = np.isfinite(seen.sizes_m) & (np.abs(seen.sizes_m / sizes - 1.0) > SIZE_DIFFERS)
     note = f"{who}: {len(corners)} sightings of tags came as poses; they count as the corners that these imply"
+    numbers = dict[tuple[str, str], list[str]]()
     for number in np.unique(seen.ids[told]).tolist():
         row = int(np.flatnonzero(told & (seen.ids == number))[0])
-        note += f"; the detector took tag {number} for {seen.sizes_m[row]:g} m, and the team file says {sizes[row]:g} m"
+        numbers.setdefault((f"{seen.sizes_m[row]:g}", f"{sizes[row]:g}"), []).append(str(number))
+    for (theirs, ours), tags in numbers.items():
+        which = f"tag{'s' * (len(tags) > 1)} {', '.join(tags)}"
+        note += f"; the detector took {which} for {theirs} m, and the team file says {ours} m"
     return _Look(View(camera, known, corners), dropped, note)
 
 
