@@ -6,7 +6,8 @@ Simulated teams of 5 robots. *join*: `teamslam.join(submaps)`, all of it: interi
 interiors put back. *join, whole*: the same with nothing eliminated. *full, solve*: the whole log's least squares from
 the frames and values that the join started with (structure, iterations). *full, all*: `teamslam.full(log)`, which is
 `run --method full`: the submaps that its start needs are built and joined too. *exactness*: how far the join is from
-full. Least of all repetitions, taken in turns, in one process. Costs are F over all measurements at each map.
+full. Least of all repetitions, taken in turns, in one process, so with what submaps keep once it was asked for (their
+information, at the first join). Costs are F over all measurements at each map.
 """
 
 import argparse
