@@ -80,12 +80,12 @@ def associate(dataset: Dataset, tell: Callable[[int, int], None] = lambda done, 
     if (told := by_names(dataset, tell)) is not None:
         pieces = [_Piece.told(dataset, robot, marks) for robot, marks in told.items()]
         return _named(dataset, pieces, (), {key: key for key in _names_of(dataset)})
-    if team := cooled(dataset):
-        if all((marks == UNSURE).all() for marks in team.values()):
+    team = cooled(dataset)
+    if team is not None:
+        if team.rough:
             dataset = replace(dataset, notes=(*dataset.notes, ROUGH))
-        else:
-            team = told_again(dataset, team)
-        return _named(dataset, [_Piece.told(dataset, robot, marks) for robot, marks in team.items()], ())
+        known = team.marks if team.rough else told_again(dataset, team.marks)
+        return _named(dataset, [_Piece.told(dataset, robot, marks) for robot, marks in known.items()], ())
     pieces = _alone(split(dataset), tell)
     pieces, rivals, scale = _together(pieces)
     for _ in range(ROUNDS):

@@ -188,6 +188,6 @@ def _with_rest(log: Dataset, seen: Mapping[int, Seen], marks: dict[int, IntArray
     if told is None:
         return None if count > MANY * sum(map(len, seen.values())) else marks
     out = {robot: found.copy() for robot, found in marks.items()}
-    for robot, found in told.items():
+    for robot, found in told.marks.items():
         out[robot][none[robot]] = np.where(found >= 0, found + BEYOND, found)
     return out

@@ -44,19 +44,24 @@ ROUNDS = 9
 TAIL = 0.95  # of images, by the farthest of which the others are judged
 BIRTHS = 100  # landmarks that are born at one distance, at most
 HELD = 3  # of so many images one is left out, to see how far off the map is there
-OFTEN, PAIRS, TOGETHER = (
-    10,
-    3,
-    0.05,
-)  # sightings of a landmark, and pairs, that tell; images that show both, of the rarer
+OFTEN, PAIRS = 10, 3  # sightings of a landmark, and pairs of these, that tell whether images show them together
+TOGETHER = 0.05  # of the images of the one that is seen more seldom, that should show both
 FIRST = 1 << 48  # keys of landmarks while nobody has named them
 QUICK = Options(max_iterations=60, decrement=0.1)
 
 
-def cooled(log: Dataset) -> dict[int, IntArray] | None:
+@dataclass(frozen=True, eq=False)
+class Cooled:
     """By robot, the landmark (m,) of each of its sightings that place one (`Seen.of`), by a number in the team: NONE
-    where it is of none, UNSURE where of several; all UNSURE where the ways are too rough to tell. None where the ways
-    do not hang together without landmarks, or where these are poses, or some have names.
+    where it is of none, UNSURE where of several; and all of them where the ways are too `rough` to tell any."""
+
+    marks: dict[int, IntArray]
+    rough: bool
+
+
+def cooled(log: Dataset) -> Cooled | None:
+    """The landmarks of a log in which none has a name. None where the ways do not hang together without landmarks, or
+    where these are poses, or some have names.
 
     Law: sightings of one image are of different landmarks.
     """
@@ -64,7 +69,7 @@ def cooled(log: Dataset) -> dict[int, IntArray] | None:
     return None if named or len(log.robots) < 2 else cooled_beside(log)
 
 
-def cooled_beside(log: Dataset) -> dict[int, IntArray] | None:
+def cooled_beside(log: Dataset) -> Cooled | None:
     """The same of sightings without a name alone, beside landmarks that have one, where none of these is seen without:
     they tell the ways like all else. None where the ways do not hang together so, or where landmarks without a name are
     poses."""
@@ -72,8 +77,10 @@ def cooled_beside(log: Dataset) -> dict[int, IntArray] | None:
     if team is None:
         return None
     marks = _told(team, *_coarse(team))
+    rough = marks is None
+    each = np.full(len(team.observers), UNSURE) if marks is None else marks
     ends = np.cumsum([len(seen) for seen in team.seen.values()])[:-1]
-    return dict(zip(team.seen, np.split(marks, ends), strict=True))
+    return Cooled(dict(zip(team.seen, np.split(each, ends), strict=True)), rough)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +260,9 @@ def _densest(places: Array, reach: float) -> Array | None:
 # --- closely ----------------------------------------------------------------------------------------------------------
 
 
-def _told(raw: _Team, map: _Map, marks: IntArray, landmarks: Array, s: float) -> IntArray:
-    """The landmark of every sighting (m,), UNSURE where it may be of several, NONE where of none."""
+def _told(raw: _Team, map: _Map, marks: IntArray, landmarks: Array, s: float) -> IntArray | None:
+    """The landmark of every sighting (m,), UNSURE where it may be of several, NONE where of none; None where what comes
+    of it is nothing that images show."""
     off = s
     for _ in range(ROUNDS):
         if not len(landmarks):
@@ -267,7 +275,7 @@ def _told(raw: _Team, map: _Map, marks: IntArray, landmarks: Array, s: float) ->
         map = team.solved(map, kept, landmarks, off)
         off = max(COOLER * off, held)
     if _are_ghosts(map.places, np.where(sure, marks, -1), landmarks, team.images):
-        return np.full(len(marks), UNSURE)
+        return None
     return np.where(sure, marks, np.where(marks < 0, NONE, UNSURE))
 
 
@@ -280,8 +288,9 @@ def _are_ghosts(places: Array, marks: IntArray, landmarks: Array, images: IntArr
     apart = _within_images(places, images)
     if not len(apart) or not len(landmarks):
         return False
-    shows = sp.csr_array((np.ones(np.count_nonzero(marks >= 0)), (images[marks >= 0], marks[marks >= 0])),
-                         shape=(int(images.max()) + 1, len(landmarks)))  # fmt: skip
+    told = marks >= 0
+    shape = (int(images.max()) + 1, len(landmarks))
+    shows = sp.csr_array((np.ones(np.count_nonzero(told)), (images[told], marks[told])), shape=shape)
     together = (shows.T @ shows).toarray()
     often = np.diag(together)
     pairs = cKDTree(landmarks).query_pairs(0.5 * float(np.median(apart)), output_type="ndarray")
