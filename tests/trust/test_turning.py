@@ -12,6 +12,8 @@ from teamslam.geometry import Array
 from teamslam.joining import AtMap
 from teamslam.model import Dataset, Table
 from teamslam.pipeline import run
+from teamslam.results import Record
+from teamslam.results.figures import clocks_figure
 from teamslam.sim import simulate
 from teamslam.trust.cause import Cause
 from teamslam.trust.turning import QUICK, turning
@@ -74,6 +76,11 @@ def test_the_map_is_as_if_nothing_had_turned() -> None:
     assert result.verdict.level in ("fits", "loose") and not [*result.suspicions.sentences()]
     assert result.scores[0].nees_per_dof < 1.5
     assert result.scores[0].robot_position_rmse_m < 1.5 * honest.scores[0].robot_position_rmse_m
+    (course,) = clocks_figure(Record.of(result))["clocks"].axes
+    (line,) = (line for line in course.lines if len(line.get_xdata()) > 2 and line.get_linestyle() == "-")
+    there = np.asarray(line.get_xdata()) / (honest.map.names.stamps_s(log.pose_keys[2][[0, -1]]) @ [-1.0, 1.0])
+    true = np.degrees(SWAYS["a gimbal"](there))
+    assert len(true) == len(result.unknowns.found) and np.corrcoef(line.get_ydata(), true)[0, 1] > 0.9
 
 
 FAULTS: dict[str, Callable[[Dataset], Dataset]] = {

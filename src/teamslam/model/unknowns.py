@@ -29,7 +29,8 @@ class Unknown:
     0: it is always moved, as its prior allows.
     `clock_of`: the robot by how much whose stamps are late it is; 0: it is no clock's offset. `drift_of`: the robot
     whose clock's drift it is, which is moved wherever the offset of that clock is; 0: it is none.
-    `quiet`: people are told of it where it is moved alone."""
+    `quiet`: people are told of it where it is moved alone. `course`: of what it is the value at the moment `at_s` [s],
+    where that goes evenly from one such value to the next; '': it is what it is throughout."""
 
     of: str
     name: str
@@ -42,6 +43,8 @@ class Unknown:
     clock_of: int = 0
     drift_of: int = 0
     quiet: bool = False
+    course: str = ""
+    at_s: float = 0.0
 
 
 class Unknowns(Protocol):

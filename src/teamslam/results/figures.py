@@ -1,6 +1,6 @@
 """The figures of a run, by name: map, convergence, clocks, errors, consistency; those that the run has data for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,16 +78,32 @@ def clocks_figure(record: Record) -> "dict[str, Figure]":
     """`clocks`: clocks, cameras and tags on bodies, where any was estimated; else nothing."""
     names = record.maps[0].names
     start_s = min(float(names.stamps_s(m.trajectory_keys(r)[:1])[0]) for m in record.maps for r in m.robots_in_it)
-    numbers = []
+    numbers, courses = [], dict[tuple[str, str], list[dict[str, Any]]]()
     for one in (record.report.get("estimated") or {}).get("unknowns", []):
-        unit, times = SHOWN.get(one["unit"], ("", 1.0))
-        if one["told"] and one["windows"]:
-            stamps, values, sigmas = (np.array([w[f] for w in one["windows"]]) for f in ("stamp_s", "value", "sigma"))
-            name = f"{one['of']}: {one['name']}" + (f" [{unit}]" if unit else "")
-            told = (one["value"] * times, one["sigma"] * times, one["stated"] * times)
-            numbers.append(Estimated(name, *told, stamps - start_s, values * times, sigmas * times))
+        if one.get("course"):
+            courses.setdefault((one["of"], one["course"]), []).append(one)
+        elif one["told"] and one["windows"]:
+            numbers.append(_estimated(one, one["name"], one["windows"], "stamp_s", start_s, whole=True))
+    for (_, course), moments in courses.items():
+        numbers.append(_estimated(moments[0], course, moments, "at_s", start_s, whole=False))
     title = f"{headline(record).partition(', part')[0]}, what was estimated beside the map"
     return {"clocks": draw_clocks(numbers, title)} if numbers else {}
+
+
+def _estimated(
+    one: "dict[str, Any]", name: str, dots: "Sequence[dict[str, Any]]", stamp: str, start_s: float, *, whole: bool
+) -> Estimated:
+    """A number that was estimated, or of which these `dots` are the course, in the unit in which it is told."""
+    unit, times = SHOWN.get(one["unit"], ("", 1.0))
+    stamps, values, sigmas = (np.array([dot[field] for dot in dots]) for field in (stamp, "value", "sigma"))
+    return Estimated(
+        f"{one['of']}: {name}" + (f" [{unit}]" if unit else ""),
+        one["stated"] * times,
+        stamps - start_s,
+        values * times,
+        sigmas * times,
+        (one["value"] * times, one["sigma"] * times) if whole else None,
+    )
 
 
 def png_of(figure: "Figure") -> bytes:

@@ -37,7 +37,8 @@ Its fields:
     estimated                      of sensors that sit elsewhere than stated, where; of recordings, what they rest on
                                    and nobody measured, clocks, latencies, places of cameras and whatever the team file
                                    calls uncertain, estimated with the map: `unknowns`, each `of` a robot or a camera,
-                                   with its `name` and `unit`, the `stated`
+                                   with its `name` and `unit` (and of what goes evenly from one value to the next, its
+                                   `course`, `at_s`), the `stated`
                                    value and its `prior` sigma, the `value` that the map is made by and its `sigma`,
                                    whether the rows `told` it, and `windows`, what stretches of the recordings say by
                                    themselves; their `covariance`; whether they are `settled` after so

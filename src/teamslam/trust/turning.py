@@ -158,11 +158,13 @@ class Turns:
         """What is unknown: each turn at each moment [rad]."""
         robot, (source, _, _) = self.sensor
         of = f"robot {self.stated.names.robot(robot)}, sensor of {source}"
-        axes = ("z",) if _angles(self.sensor) == 1 else ("x", "y", "z")
+        turns = [f"turn about its {axis}" for axis in ("x", "y", "z")[-_angles(self.sensor) :]]
         return tuple(
-            Unknown(of, f"turn about its {axis} at {moment:.1f} s", "rad", 0.0, TURN, SMALL, STEP, quiet=True)
+            Unknown(
+                of, f"{turn} at {moment:.1f} s", "rad", 0.0, TURN, SMALL, STEP, quiet=True, course=turn, at_s=moment
+            )
             for moment in self.moments.tolist()
-            for axis in axes
+            for turn in turns
         )
 
     @property

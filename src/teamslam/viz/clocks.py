@@ -18,22 +18,22 @@ A_COLUMN = 16  # panels, at most
 
 @dataclass(frozen=True, eq=False)
 class Estimated:
-    """A number that was estimated: its `name` with the unit in which all is told, `value`, `sigma` and what was
-    `stated`; what stretches at `stamps_s` (n,) say of it by themselves, `values` and `sigmas` (n,)."""
+    """A number that was estimated: its `name` with the unit in which all is told, what was `stated`; what stretches at
+    `stamps_s` (n,) say of it by themselves, `values` and `sigmas` (n,); and as `found`, with its sigma. None: it goes
+    evenly from each of these values to the next."""
 
     name: str
-    value: float
-    sigma: float
     stated: float
     stamps_s: Array
     values: Array
     sigmas: Array
+    found: tuple[float, float] | None
 
 
 @styled
 def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
     """A panel for each number: its value with one sigma (band), what was stated (dashed), what each stretch of the
-    recordings says (dots with one sigma). InputError where there is none."""
+    recordings says (dots with one sigma); of what changes the values on its way. InputError where there is none."""
     from matplotlib.figure import Figure
 
     if not numbers:
@@ -47,21 +47,22 @@ def draw_clocks(numbers: Sequence[Estimated], title: str = "") -> "Figure":
         empty.set_axis_off()
     for axes, one in zip(panels, numbers, strict=False):
         colour = METHOD_COLOURS["full"]
-        axes.axhspan(one.value - one.sigma, one.value + one.sigma, color=colour, alpha=0.2, lw=0)
-        axes.axhline(one.value, color=colour)
+        low, high = one.values - one.sigmas, one.values + one.sigmas
+        told = f"{one.name}; stated {one.stated:.4g}"
+        if one.found is None:
+            axes.plot(one.stamps_s, one.values, color=colour)
+            low, high = np.append(low, one.stated), np.append(high, one.stated)
+        else:
+            value, sigma = one.found
+            told = f"{one.name}: {value:.4g} +- {sigma:.2g}; stated {one.stated:.4g}"
+            axes.axhspan(value - sigma, value + sigma, color=colour, alpha=0.2, lw=0)
+            axes.axhline(value, color=colour)
+            low, high = np.append(low, value - sigma), np.append(high, value + sigma)
         axes.axhline(one.stated, color=QUIET, ls="--")
         axes.errorbar(one.stamps_s, one.values, yerr=one.sigmas, fmt="o", ms=3.5, color=METHOD_COLOURS["join"])
-        near = np.concatenate(
-            [
-                [one.value, one.sigma + one.value, one.value - one.sigma],
-                one.values - one.sigmas,
-                one.values + one.sigmas,
-            ]
-        )
-        room = 0.1 * max(float(np.ptp(near)), 1e-9)
-        axes.set_ylim(near.min() - room, near.max() + room)
-        axes.set_title(plain(f"{one.name}: {one.value:.4g} +- {one.sigma:.2g}; stated {one.stated:.4g}", 200),
-                       fontsize=8.5 if columns == 1 else 7.0, fontweight="normal", loc="left")  # fmt: skip
+        room = 0.1 * max(float(high.max() - low.min()), 1e-9)
+        axes.set_ylim(low.min() - room, high.max() + room)
+        axes.set_title(plain(told, 200), fontsize=8.5 if columns == 1 else 7.0, fontweight="normal", loc="left")
     for axes in [*panels[rows - 1 : len(numbers) : rows], panels[len(numbers) - 1]]:
         axes.set_xlabel("time since the start [s]")
         axes.tick_params(labelbottom=True)
