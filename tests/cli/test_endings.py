@@ -249,3 +249,9 @@ def test_an_exhausted_memory_is_one_line(tmp_path: Path) -> None:
     done = call("simulate", tmp_path / "log", "--landmarks", 10**13)
     assert done.returncode == 2 and "not enough memory" in one_line(done.stderr)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_process_that_ends_looks_nothing_through() -> None:
+    """What is frozen no collection goes through; what was registered first is asked last."""
+    asked = "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > 10_000))\n"
+    assert call("--version", code=asked + CALL).stdout.split()[-1] == "True"

@@ -4,6 +4,7 @@ What is here is what must stand before anything heavy is imported: a Ctrl-C at a
 so are a pipe that nobody reads any more and a terminal that knows no letters beyond ASCII.
 """
 
+import atexit
 import gc
 import os
 import signal
@@ -32,6 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _any_letter()
         gc.set_threshold(*SELDOM)
+        atexit.register(gc.freeze)  # else all of a process is looked through at its end, for what goes with it anyway
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: its threads spin more than they multiply
         os.environ["MPLBACKEND"] = "agg"  # figures are written, never shown; an unknown name would forbid the import
         from teamslam.cli.app import called
