@@ -72,16 +72,26 @@ def test_nobody_works_on_after_an_interruption(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_what_is_done_meanwhile_is_done_at_the_end_and_harms_nobody(threads: int) -> None:
-    """On another thread, and where there is none, not at all: who asks does it then."""
+def test_what_is_done_meanwhile_is_done_once_and_what_went_wrong_is_heard_by_who_asks(threads: int) -> None:
+    """On another thread, and where there is none, by who asks."""
     done: list[int] = []
+
+    def work() -> int:
+        done.append(threading.get_ident())
+        return 7
+
     before = kernel.threads()
     kernel.set_threads(threads)
     try:
-        with meanwhile(lambda: done.append(threading.get_ident())):
+        with meanwhile(work) as came:
             pass
-        with meanwhile(lambda: 1 / 0):
+        assert len(done) == threads - 1
+        assert came() == 7 and len(done) == 1
+        assert (threading.get_ident() in done) == (threads == 1)
+        with meanwhile(lambda: 1 / 0) as failed:
             done.append(0)
     finally:
         kernel.set_threads(before)
-    assert done[-1] == 0 and len(done) == threads and threading.get_ident() not in done
+    assert done[-1] == 0
+    with pytest.raises(ZeroDivisionError):
+        failed()

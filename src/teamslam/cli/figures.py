@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from teamslam.pipeline import Progress
 
 
-def coming(figures: bool, processes: bool) -> AbstractContextManager[None]:
+def coming(figures: bool, processes: bool) -> AbstractContextManager[object]:
     """While the block solves, another thread makes ready what figures are drawn with; not where others begin
     `processes` meanwhile, which would be born with an import half done."""
     from teamslam.solver import meanwhile

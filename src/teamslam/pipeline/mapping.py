@@ -84,15 +84,23 @@ def mapped(
 def on_their_sides(log: Dataset, joined: Joined) -> tuple[Joined | None, tuple[str, ...]]:
     """Maps with robots that ranges alone tie to the rest on the side of it where they cost least, None where they are
     there; and what fits on the other side as well, in words (see `sides`)."""
-    components, words, moved = list[Component](), list[str](), False
-    for component in joined.components:
-        map, there = component.map, point_of(component.map)
+    lowers, words = list[Values | None](), list[str]()
+    for map in joined.maps:
+        there = point_of(map)
         lower, near = sides(there, told_by(log.tables, there.layout), frame_of(map))
+        lowers.append(lower)
         words += [mirrored.sentence(log.names) for mirrored in near]
-        moved = moved or lower is not None
-        values = map.values if lower is None else map.values.update(lower.only(_both(map.values, lower)))
-        components.append(replace(component, map=replace(map, values=values)))
-    return (replace(joined, components=tuple(components)) if moved else None), tuple(words)
+    if all(lower is None for lower in lowers):
+        return None, tuple(words)
+    both = zip(joined.components, lowers, strict=True)
+    return replace(joined, components=tuple(c if v is None else _there(c, v) for c, v in both)), tuple(words)
+
+
+def _there(component: Component, lower: Values) -> Component:
+    """A component whose map is where it costs less."""
+    map = component.map
+    values = map.values.update(lower.only(_both(map.values, lower)))
+    return replace(component, map=replace(map, values=values))
 
 
 def _both(one: Values, other: Values) -> IntArray:

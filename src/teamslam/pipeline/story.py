@@ -13,6 +13,7 @@ clocks and cameras of recordings, estimated with a map
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from teamslam.config import Config
@@ -172,8 +173,7 @@ def _told(
             joined = replace(joined, remarks=(*joined.remarks, f"{AS_STATED}: {error}"))
     dataset, late = in_time(dataset, joined)
     covariances = tuple(Covariances.of_map(component.map) for component in joined.components)
-    asked = covariances if dataset.truth is not None else ()  # scores want those of every variable
-    with meanwhile(lambda: [known.all for known in asked]):
+    with meanwhile(partial(scores_of, joined, covariances, dataset.truth)) as scored:
         if config.method == "join":
             clock.start("exactness")
             at = [calibration.at(c.map, log) for c in joined.components] if calibration else at
@@ -190,10 +190,9 @@ def _told(
         trust = replace(trust, verdict=replace(trust.verdict, weighed=bool(calibration)))
         joined = with_plain_reasons(joined, trust.verdict)
         costs = [part.cost for part in trust.verdict.parts] or [cost_of(c.map, log.tables) for c in joined.components]
-        clock.start("covariances")
-    clock.start("score")
+        clock.start("score")
     try:
-        scores = scores_of(joined, covariances, dataset.truth)
+        scores = scored()
     except SolveError as error:  # a map that has no covariances
         raise explained(error, log) from None
     return Result(

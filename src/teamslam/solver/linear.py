@@ -169,13 +169,8 @@ class Factor:
         return last.eliminate(self._numbers, np.zeros(self.layout.dof))[0]
 
     def in_sigmas(self, shift: Array) -> Array:
-        """How far a shift (dof,) moves each variable (n,), in its own standard deviations: sqrt(d_v' P_vv^-1 d_v)."""
-        out = np.zeros(len(self.layout))
-        for places, blocks in self.marginals_by_size():
-            dof = blocks.shape[-1]
-            moved = shift[self.layout.dof_start[places, None] + np.arange(dof)]
-            out[places] = np.sqrt(np.sum(moved * np.linalg.solve(blocks, moved[..., None])[..., 0], -1))
-        return out
+        """How far a shift (dof,) moves each variable (n,), in its own standard deviations."""
+        return in_sigmas(shift, self.layout, self.marginals_by_size())
 
     def eliminate(self, numbers: Array, right: Array) -> tuple[Array, Array]:
         """The Schur complement of H onto `last`, dense, and the right-hand side reduced with it.
@@ -194,3 +189,13 @@ class Factor:
     def back_substitute(self, last: Array, right: Array) -> Array:
         """The whole solution, once that of the `last` variables is known; `right` as given to `eliminate`."""
         return np.asarray(self._factor.back_substitute(last, right))
+
+
+def in_sigmas(shift: Array, layout: Layout, marginals: list[tuple[IntArray, Array]]) -> Array:
+    """How far a shift (dof,) moves each variable (n,) of a layout, in its own standard deviations by `marginals` (see
+    `Factor.marginals_by_size`): sqrt(d_v' P_vv^-1 d_v)."""
+    out = np.zeros(len(layout))
+    for places, blocks in marginals:
+        moved = shift[layout.dof_start[places, None] + np.arange(blocks.shape[-1])]
+        out[places] = np.sqrt(np.sum(moved * np.linalg.solve(blocks, moved[..., None])[..., 0], -1))
+    return out

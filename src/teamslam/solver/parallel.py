@@ -48,14 +48,14 @@ def each_side_by_side(work: Callable[[T], R], parts: Sequence[T]) -> Iterator[R]
 
 
 @contextmanager
-def meanwhile(work: Callable[[], object]) -> Iterator[None]:
+def meanwhile(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     """Does something ahead of time that others ask for afterwards, while the block goes on; done when the block ends.
+    It gives a function that returns what came of it, and raises what went wrong with it.
 
-    It is left to those who ask where the kernel may use one thread only. What goes wrong with it they find themselves.
+    It is left to those who ask where the kernel may use one thread only.
     """
     if kernel.threads() < 2:
-        yield
+        yield work
         return
     with ThreadPoolExecutor(1) as other:
-        other.submit(work)
-        yield
+        yield other.submit(work).result

@@ -18,7 +18,7 @@ from teamslam.geometry import Array, IntArray
 from teamslam.joining.join.join import Exactness
 from teamslam.model import Layout, Submap, Table, Values, is_parameter
 from teamslam.solver import Factor, System
-from teamslam.solver.linear import Matrix
+from teamslam.solver.linear import Matrix, in_sigmas
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,16 @@ class Gap:
     decrease: float
     factor: Factor
 
+    @cached_property
+    def marginals(self) -> list[tuple[IntArray, Array]]:
+        """The covariances of all variables there (see `Factor.marginals_by_size`), found once for all who ask."""
+        return self.factor.marginals_by_size()
+
     def farthest(self, shift: Array, layout: Layout) -> float:
         """The longest of some variables' shifts (dof,), each in its own standard deviations."""
         everywhere = np.zeros(self.free.dof)
         everywhere[self.free.unknowns(layout.keys)] = shift
-        return float(self.factor.in_sigmas(everywhere).max(initial=0.0))
+        return float(in_sigmas(everywhere, self.free, self.marginals).max(initial=0.0))
 
     def exactness(self, *, join_shift_sigma: float = 0.0, rounds: int, bytes: int) -> Exactness:
         """The account of a map that ends here, after so many rounds and bytes."""
