@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from faults import negated_angle, plant, surer
-from teamslam.joining import build, full, join, split
+from teamslam.joining import AtMap, build, full, join, split
 from teamslam.joining.build.build import CURE
 from teamslam.model import LeftOut, Loss, Sources
-from teamslam.trust import Cause, sentence, verdict, with_plain_reasons
+from teamslam.trust import Cause, sentence, verdict, verdict_where_costly, with_plain_reasons
 from teamslam.trust.tally import by_landmark, by_robot, by_sensor, by_stretch, whole
 from worlds import WORLDS, team
 
@@ -43,6 +43,18 @@ def test_the_cost_under_robust_losses_is_what_is_expected(loss: Loss) -> None:
     for name, z in away.items():
         assert abs(np.mean(z)) < 0.6, name
         assert 0.4 < np.std(z) < 1.5, name
+
+
+def test_that_no_sensor_costs_too_much_is_seen_without_a_solve() -> None:
+    """What a log says of its map is linearised and factorised there where somebody needs it."""
+    log = team("2d", robots=2, poses=20)
+    wrong = plant(log, negated_angle, source="landmarks", robots=(2,))
+    for told, level in ((log, None), (wrong, "misfit")):
+        joined = join([build(piece) for piece in split(told)])
+        at = [AtMap(told.tables, component.map) for component in joined.components]
+        found = verdict_where_costly(told, joined, at)
+        assert (None if found is None else found.level) == level
+        assert all(("gap" in vars(here)) == (level is not None) for here in at)
 
 
 def test_tallies_add_up_to_the_whole() -> None:

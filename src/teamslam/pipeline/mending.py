@@ -117,10 +117,13 @@ def with_places_unknown(
     return dataset, tuple(found)
 
 
-def only_by_the_join(log: Dataset, joined: Joined, wrong: Sequence[Cause], config: Config) -> bool:
+def has_other_places(wrong: Sequence[Cause]) -> bool:
+    """Whether landmarks are in other places than called, by what is wrong."""
+    return any(cause.kind in PLACES and cause.mend is not None for cause in wrong)
+
+
+def only_by_the_join(log: Dataset, joined: Joined, config: Config) -> bool:
     """Whether landmarks are in other places by what joining costs alone, and not at full least squares."""
-    if not any(cause.kind in PLACES and cause.mend is not None for cause in wrong):
-        return False
     try:
         exact = full(log, initial=joined, options=config.solver)
     except SolveError:

@@ -31,6 +31,7 @@ from teamslam.pipeline.mending import (
     carrying_unknowns,
     cleared,
     completed,
+    has_other_places,
     in_their_places,
     once_more,
     only_by_the_join,
@@ -134,14 +135,16 @@ def _told(
         more = len(apart) + len(cut) < MOST_APART
         every = with_hidden_jumps(wrong, as_it_is, joined, decisions) if more else ()
         exact = config.method == "full" or config.join.exact
-        if not exact and _share(joined, at) > NOTABLE and only_by_the_join(log, joined, every, config):
+        placed = not exact and has_other_places(every)
+        if placed and _share(joined, at) > NOTABLE and only_by_the_join(log, joined, config):
             with suppress(SolveError):
                 return _told(dataset, in_rounds(config), clock, None, work, apart, (*added, _said(joined, at)), cut)
         again, moved = in_their_places(dataset, every)
         if not moved and more:
             again, moved = with_places_unknown(dataset, log, at, judged)
         if not moved and suspected is None and submaps and not config.join.exact and more:
-            lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
+            with meanwhile(partial(_linearised, at)):
+                lies, seen = named_beyond_doubt(log, submaps, joined, wrong)
             again, moved = in_their_places(dataset, lies)
         if moved:
             apart = (*apart, *(cause for cause in moved if cause.kind != "jump"))
@@ -199,6 +202,12 @@ def _told(
         config, dataset, submaps, joined, covariances, tuple(costs), trust, scores, clock.stop(),
         decisions, calibration, found, late, apart,
     )  # fmt: skip
+
+
+def _linearised(at: Sequence[AtMap]) -> None:
+    """The log linearised and factorised at its maps, which all that is said of these rests on."""
+    for here in at:
+        here.gap  # noqa: B018
 
 
 def _share(joined: Joined, at: Sequence[AtMap]) -> float:

@@ -140,16 +140,20 @@ def mistakes(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> tuple[Cau
 def verdict_where_costly(dataset: Dataset, joined: Joined, at: Sequence[AtMap]) -> Verdict | None:
     """The verdict where a sensor costs more than all its numbers should, as it does where there is any mistake in a
     table, or a step of odometry stands out; None elsewhere, and of a map that its rows do not determine."""
+    costly = any(
+        table.loss.cost(np.sum((u := part.system.whitened(place, part.values)) ** 2, -1)).sum() > table.dof
+        or stands_out(table, u)
+        for part in at
+        for place, table in enumerate(part.tables)
+    )
+    if not costly:
+        return None
     try:
-        costly = any(
-            table.loss.cost(np.sum((u := part.gap.system.whitened(place, part.values)) ** 2, -1)).sum() > table.dof
-            or stands_out(table, u)
-            for part in at
-            for place, table in enumerate(part.tables)
-        )
+        for part in at:
+            part.gap  # noqa: B018
     except SolveError:
         return None
-    return verdict(dataset, joined, at) if costly else None
+    return verdict(dataset, joined, at)
 
 
 def explained(error: SolveError, log: Dataset) -> SolveError:

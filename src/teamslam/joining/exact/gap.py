@@ -62,7 +62,14 @@ def gap_at(values: Values, tables: Sequence[Table], joined: Submap) -> Gap:
 
     Raises SolveError where the problem is not determined there.
     """
-    system = System(values.layout, tables=tables, fixed=frame_of(joined), names=joined.names)
+    return _gap_of(_system_of(values, tables, joined), values)
+
+
+def _system_of(values: Values, tables: Sequence[Table], joined: Submap) -> System:
+    return System(values.layout, tables=tables, fixed=frame_of(joined), names=joined.names)
+
+
+def _gap_of(system: System, values: Values) -> Gap:
     at = system.linearise(values)
     factor = system.factor(values)
     factor.factorise(at.hessian.numbers)
@@ -80,9 +87,14 @@ class AtMap:
         self.tables = rows_in(joined, tables)
 
     @cached_property
+    def system(self) -> System:
+        """The problem that these rows are."""
+        return _system_of(self.values, self.tables, self.joined)
+
+    @cached_property
     def gap(self) -> Gap:
         """The gap there. Raises SolveError where these rows do not determine the map."""
-        return gap_at(self.values, self.tables, self.joined)
+        return _gap_of(self.system, self.values)
 
     @property
     def renewed(self) -> Submap:
