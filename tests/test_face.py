@@ -47,14 +47,25 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert done.stdout.split("\n")[:2] == ["[]", "False"]
 
 
-@pytest.mark.parametrize("module", ["teamslam.pipeline", "teamslam.results", "teamslam.cli.app"])
+@pytest.mark.parametrize("module", ["teamslam.pipeline", "teamslam.results", "teamslam.cli.app", "teamslam.joining"])
 def test_the_whole_story_loads_only_what_it_surely_needs(module: str) -> None:
-    """scipy.stats alone takes longer to import than a small team to map; the rest is loaded where it is used."""
+    """scipy.stats alone takes longer to import than a small team to map; the rest is loaded where it is used, what
+    scipy.sparse takes along of numpy as well."""
     parts = ("stats", "special", "spatial", "optimize", "linalg", "sparse.csgraph")
-    late = {"matplotlib", *(f"scipy.{part}" for part in parts)}
+    late = {"matplotlib", "numpy.f2py", "numpy.testing", *(f"scipy.{part}" for part in parts)}
     code = f"import sys, {module}\nprint(sorted({late} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_numpy_is_whole_once_scipy_is_loaded() -> None:
+    """Who asks for what scipy.sparse was loaded without is given it, by name, by a star and in a list of names."""
+    code = (
+        "import teamslam.model, numpy\nnumpy.testing.assert_equal(1, 1)\nprint(*{'f2py', 'testing'} - {*dir(numpy)})\n"
+        "from numpy import *\ntesting.assert_equal(1, 1)\nprint(f2py.__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["numpy.f2py"]
 
 
 def test_the_example_in_the_documentation_names_only_what_is_there() -> None:

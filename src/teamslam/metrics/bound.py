@@ -10,12 +10,12 @@ Source: Van Trees, "Detection, Estimation, and Modulation Theory" (1968), 2.4.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray
 from teamslam.metrics.accuracy import PerNumber
 from teamslam.model import Dataset, Kind, Layout, Table, Values
+from teamslam.model.sparse import sp
 
 _STEP = 1e-6
 

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import AnyArray, Array, Pose
 from teamslam.metrics.frames import Aligned, as_kinds, in_another_world, truth_at_base
 from teamslam.model import Submap, Values, chi2_quantile, is_pose
+from teamslam.model.sparse import sp
 
 CONFIDENCE = 0.95
 FORGIVEN = 1e-6  # of the squared residuals: less is rounding

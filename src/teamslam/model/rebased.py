@@ -13,12 +13,12 @@ that an information knows, nothing is lost; beyond it the two are different Gaus
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray, rotations
 from teamslam.model.keys import WORLD, is_parameter, robot_of
 from teamslam.model.layout import Kind, Layout
+from teamslam.model.sparse import sp
 from teamslam.model.submap import Submap
 from teamslam.model.values import Values
 

@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import Any, NoReturn, overload
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.cards import card
 from teamslam.errors import ModelError
@@ -23,6 +22,7 @@ from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose, read_o
 from teamslam.model.keys import WORLD, Names, is_landmark, is_pose, robot_of
 from teamslam.model.layout import pose_kind
 from teamslam.model.sources import Sources
+from teamslam.model.sparse import sp
 from teamslam.model.tables import Table
 from teamslam.model.values import Values
 

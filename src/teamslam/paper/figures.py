@@ -3,11 +3,11 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.joining import Joined
 from teamslam.metrics import score
 from teamslam.model import WORLD, Dataset, Names, Sources, Submap, Values
+from teamslam.model.sparse import sp
 from teamslam.paper.reproduction import Reproduction
 from teamslam.results.errors import truth_by_team
 from teamslam.results.record import robot_sightings

@@ -4,11 +4,11 @@ import zlib
 
 import msgspec
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.exact.robot import Reduced, Sending, dense
+from teamslam.model.sparse import sp
 
 LARGEST = 20_000  # unknowns of one submap
 

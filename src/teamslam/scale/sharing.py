@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import AnyArray, Array, IntArray
+from teamslam.model.sparse import sp
 
 SPECTRAL = 600  # leaves up to which the cut is sought; beyond, the row is halved as it stands
 

@@ -11,12 +11,11 @@ them connects fills in (cpp/condensation.hpp).
 
 from functools import cached_property
 
-import scipy.sparse as sp
-
 from teamslam import kernel
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray
 from teamslam.model import Layout, Names
+from teamslam.model.sparse import sp
 from teamslam.solver.linear import by_rising_columns
 
 

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.cards import card
 from teamslam.geometry import AnyArray, Array, IntArray, Pose, lift_tangent
@@ -21,6 +20,7 @@ from teamslam.geometry import rotations as group_of
 from teamslam.model import WORLD, Asked, Kind, Layout, Names, Submap, Values, is_landmark, key_asked, pose_kind
 from teamslam.model.layout import among
 from teamslam.model.portrait import portrait
+from teamslam.model.sparse import sp
 from teamslam.solver.linear import Factor, Matrix
 
 MANY = 30  # variables whose joint covariance is found by eliminating the others

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam import kernel
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Layout, Names, Values
+from teamslam.model.sparse import sp
 
 
 @dataclass(frozen=True, eq=False)

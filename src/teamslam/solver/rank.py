@@ -7,11 +7,11 @@ information matrix has no factor in double precision although every variable is 
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array
 from teamslam.model import Loss, Values
+from teamslam.model.sparse import sp
 from teamslam.solver.system import SubmapTerm, System
 
 ROUNDING = 1e-14  # of the sharpest direction: what rounding leaves of one that is not measured

@@ -16,11 +16,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array
 from teamslam.model import Values
+from teamslam.model.sparse import sp
 from teamslam.solver.optimise import Options, optimise
 from teamslam.solver.system import SubmapTerm, System
 

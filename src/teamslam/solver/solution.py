@@ -6,9 +6,8 @@ from enum import Enum
 from functools import cached_property
 from typing import Any
 
-import scipy.sparse as sp
-
 from teamslam.model import Values
+from teamslam.model.sparse import sp
 from teamslam.solver.linear import Matrix
 
 SAME = 1e-6  # of the cost, and absolutely: two optima that differ by less are one

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam import kernel
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, IntArray
 from teamslam.model import Layout, Loss, Names, Submap, Table, Values, pack
+from teamslam.model.sparse import sp
 from teamslam.solver.linear import Factor, Matrix, analysis_of, block_matrix, by_rising_columns
 from teamslam.solver.newton import Curvature
 from teamslam.solver.numeric import linearise_numerically

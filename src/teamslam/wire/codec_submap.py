@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import IntArray
 from teamslam.model import (
@@ -12,6 +11,7 @@ from teamslam.model import (
     Submap,
     Values,
 )
+from teamslam.model.sparse import sp
 from teamslam.wire.codec_places import (
     get_known,
     get_names,

@@ -19,11 +19,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import InputError, SolveError
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.model import Kind, Layout, Values, rows_of
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor
 
 FINEST = 1e-9  # of a limit: finer than this is the same as to the bit, but longer

@@ -15,11 +15,11 @@ space only: robots of a plane are held upright by it.
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from teamslam.frontend.tags.mirrored import TURNED, cost_of, others_of, settled_alone, stands
 from teamslam.geometry import BoolArray, IntArray
 from teamslam.model import Kind, Table, Values, among
+from teamslam.model.sparse import sp
 
 NONE = np.zeros(0, np.int64)
 TRIED = 8  # ways that are offered at most
@@ -81,7 +81,7 @@ def _parts(ends: Sequence[IntArray], tag: int, n: int) -> IntArray:
     from scipy.sparse.csgraph import connected_components
 
     pairs = np.concatenate([both[both[:, 1] != tag] for both in ends])
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 

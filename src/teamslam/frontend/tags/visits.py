@@ -10,13 +10,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.by_targets import by_targets
 from teamslam.geometry import Array, IntArray, Pose
 from teamslam.model import Kind, Table, Values, index_of, is_landmark, landmark_key
+from teamslam.model.sparse import sp
 from teamslam.solver import Covariances, Options, System, optimise
 
 BREAK_S = 60.0

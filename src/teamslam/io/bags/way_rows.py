@@ -1,7 +1,6 @@
 """A robot's way as a table: odometry between its keyframes, or the ties of a camera that was carried by hand."""
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
@@ -10,6 +9,7 @@ from teamslam.frontend.way_noise import WayNoise
 from teamslam.geometry import IntArray, Pose
 from teamslam.io.bags.seen import Book, Seen
 from teamslam.model import Table, pack, pose_key, whitening
+from teamslam.model.sparse import sp
 
 
 def way_of(robot: Seen, number: int, ticks: IntArray, book: Book) -> list[Table]:

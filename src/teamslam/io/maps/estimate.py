@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array
 from teamslam.model import WORLD, Names, Sources, Submap, Values, is_parameter, is_pose, robot_of
+from teamslam.model.sparse import sp
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,6 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import InputError, ModelError
 from teamslam.geometry import AnyArray, Array, Pose
@@ -45,6 +44,7 @@ from teamslam.model import (
     pack,
 )
 from teamslam.model.keys import MAX_ROBOT
+from teamslam.model.sparse import sp
 
 MAGIC = b"TSSUBMAP"
 FORMAT = 1

@@ -14,7 +14,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array, IntArray, Pose
@@ -30,6 +29,7 @@ from teamslam.model import (
     pose_key,
     pose_kind,
 )
+from teamslam.model.sparse import sp
 
 ROBOT = 1
 SOURCE = "local maps"

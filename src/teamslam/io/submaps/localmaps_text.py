@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import InputError
 from teamslam.geometry import Array
@@ -18,6 +17,7 @@ from teamslam.io.files.mat import whole
 from teamslam.io.files.text import text_of, write_text
 from teamslam.io.submaps.localmaps import check_definite, numbered, rates, submap_of
 from teamslam.model import Dropped, Kind, Submap, index_of, is_pose, point_kind, pose_kind, robot_of
+from teamslam.model.sparse import sp
 
 
 def sniff(path: Path) -> bool:

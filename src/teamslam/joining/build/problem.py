@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError, SolveError
 from teamslam.frontend.tags.hinges import swung
@@ -40,6 +39,7 @@ from teamslam.model import (
     is_pose,
     robot_of,
 )
+from teamslam.model.sparse import sp
 from teamslam.solver import Options, Solution, Step, System, firm, optimise
 
 ROUGH = 20  # iterations of a solve that only gives a start

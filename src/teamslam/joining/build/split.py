@@ -16,12 +16,12 @@ while it grows, and ends in the same pieces.
 """
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import Array, IntArray
 from teamslam.joining.start.odometry import heading_variances
 from teamslam.model import A_LOG, Dataset, Names, Table, expect, is_pose, robot_of
+from teamslam.model.sparse import sp
 
 MIN_POSES = 10  # pieces cut by heading are not shorter: they would cost more to join than they save
 

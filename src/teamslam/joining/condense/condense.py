@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray, Pose
 from teamslam.joining.condense.worth import worth_eliminating
 from teamslam.model import Kind, Layout, Submap, Values, is_landmark
+from teamslam.model.sparse import sp
 from teamslam.solver import Condensed, SubmapTerm, System
 
 

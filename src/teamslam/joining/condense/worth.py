@@ -9,10 +9,10 @@ a stage that grows may be followed by several that shrink.
 import heapq
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import BoolArray
 from teamslam.model import Layout
+from teamslam.model.sparse import sp
 
 BLOCK = 0.25  # what naming one coupling costs, in numbers: two bytes
 VARIABLE = 0.5  # what naming one variable costs

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining.build.problem import gaussian_part
 from teamslam.joining.condense import condense
 from teamslam.joining.join.optimum import usable_rows
 from teamslam.model import Dataset, Layout, Submap, Table, Values
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor, SubmapTerm, System
 from teamslam.solver.linear import block_matrix
 from teamslam.solver.newton import Curvature

@@ -24,7 +24,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.joining.build.build import build_choices
@@ -39,6 +38,7 @@ from teamslam.joining.join.join import Component, Exactness, Joined, in_order, j
 from teamslam.joining.join.optimum import in_the_way, joined_map, less
 from teamslam.joining.start.adrift import adrift
 from teamslam.model import WORLD, Dataset, Submap, Table, Values
+from teamslam.model.sparse import sp
 from teamslam.solver import Options, Solution, Status, Step, System, reach
 from teamslam.solver.optimise import DEFAULTS
 

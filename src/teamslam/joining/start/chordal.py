@@ -13,11 +13,11 @@ loops is composed as by dead reckoning.
 from collections.abc import Iterable
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.joining.start.targets import measured_poses
 from teamslam.model import Layout, Table, point_kind
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor
 
 FAINT = 1e-9  # of the strongest: what every relative pose weighs at least, so that what is linked is also determined

@@ -5,7 +5,6 @@ linked to the next, others link it, such as loop closures: then `chordal` finds 
 """
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import ModelError
 from teamslam.geometry import IntArray, Pose, compose_along
@@ -13,6 +12,7 @@ from teamslam.joining.start.chordal import chordal
 from teamslam.joining.start.odometry import odometry_links, own_rows
 from teamslam.joining.start.targets import measured_poses
 from teamslam.model import Dataset, Table, Values, pose_kind, robot_of
+from teamslam.model.sparse import sp
 
 
 def dead_reckoning(piece: Dataset, robot: int) -> Values:

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
@@ -28,6 +27,7 @@ from teamslam.joining import full
 from teamslam.joining.exact.gap import frame_of, point_of
 from teamslam.joining.start.targets import place_targets
 from teamslam.model import Dataset, Submap, Table, Values, chi2_quantile, is_pose, is_unnamed, point_kind
+from teamslam.model.sparse import sp
 from teamslam.solver import Covariances, Options, System, optimise
 from teamslam.trust.associate.compatible import NONE, UNSURE
 from teamslam.trust.associate.depth import straightened

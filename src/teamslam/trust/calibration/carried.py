@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array
 from teamslam.joining.build.problem import gaussian_part
 from teamslam.model import Dataset, Kind, Submap, Table, Values, parameter_keys, point_kind, robot_of
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor, System
 from teamslam.trust.calibration.changed import Change, beyond, differing
 from teamslam.trust.calibration.rows import linearised

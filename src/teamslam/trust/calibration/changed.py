@@ -13,11 +13,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Names, Table, Values
 from teamslam.model.losses import SQUARED
+from teamslam.model.sparse import sp
 from teamslam.trust.calibration.rows import linearised
 from teamslam.trust.calibration.successive import Successive
 from teamslam.trust.calibration.systematic import Systematic

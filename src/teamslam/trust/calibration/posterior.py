@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Values
 from teamslam.model.losses import SQUARED
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor, System
 from teamslam.trust.calibration.choice import Choice, chosen, posterior
 from teamslam.trust.calibration.rows import Column, Linear, held_at

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import AtMap
 from teamslam.model import Layout, Names, Table, Values, is_pose, robot_of
 from teamslam.model.losses import SQUARED
+from teamslam.model.sparse import sp
 from teamslam.solver import System
 from teamslam.trust.calibration.terms import Term, effects_of, scene_of
 

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray
 from teamslam.joining.join.held_frame import SOURCE as CHOSEN
 from teamslam.model.losses import SQUARED
+from teamslam.model.sparse import sp
 from teamslam.trust.calibration.balance import balanced
 from teamslam.trust.calibration.choice import Choice
 from teamslam.trust.calibration.components import Components, Pulls

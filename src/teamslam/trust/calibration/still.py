@@ -5,11 +5,11 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.joining import AtMap
 from teamslam.joining.exact.gap import Gap, frame_of
 from teamslam.model import Submap, Table
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor
 from teamslam.trust.calibration.changed import Change, beyond
 

@@ -19,10 +19,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Names, Table
+from teamslam.model.sparse import sp
 from teamslam.trust.calibration.persistence import Persistence, targets_of
 
 SURELY = 1e-2  # the share of errors' power that alternates at least: by few pairs less is not told from none

@@ -12,10 +12,10 @@ of several numbers).
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Values
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor, System
 
 AT_ONCE = 8  # rows of which it is asked together

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.frontend.interpolate import interpolate
 from teamslam.geometry import IntArray, Pose, concatenate
 from teamslam.joining import Joined
 from teamslam.model import WORLD, Dataset, Kind, Submap, Values, index_of, is_pose, pose_kind, robot_of
+from teamslam.model.sparse import sp
 
 Homes = dict[int, tuple[IntArray, IntArray]]
 """Of each robot the stamps of its poses, rising, and which component each is in."""

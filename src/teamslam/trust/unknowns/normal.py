@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import AtMap
 from teamslam.model import Table, Unknowns
+from teamslam.model.sparse import sp
 from teamslam.solver import Factor
 from teamslam.trust.calibration.rows import held_at, linearised
 from teamslam.trust.unknowns.effects import Effects
