@@ -220,6 +220,12 @@ int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const do
   return guarded<int32_t>(-1, [&] { return problem->problem.table(handle).set_weights(weights), 0; });
 }
 
+int32_t teamslam_set_whitening(teamslam_problem* problem, int64_t handle, const double* whitening,
+                               int32_t shared_whitening) {
+  return guarded<int32_t>(
+      -1, [&] { return problem->problem.table(handle).set_whitening(whitening, shared_whitening != 0), 0; });
+}
+
 int32_t teamslam_set_curvature(teamslam_problem* problem, int64_t handle, int32_t curvature) {
   return guarded<int32_t>(-1, [&] {
     return problem->problem.term(handle).set_curvature(static_cast<teamslam::Curvature>(curvature)), 0;

@@ -62,6 +62,9 @@ TEAMSLAM_API int64_t teamslam_add_submaps(teamslam_problem* problem, int64_t cou
 TEAMSLAM_API int64_t teamslam_add_blocks(teamslam_problem* problem, int64_t count, int64_t keys, const int64_t* index,
                                          int64_t residual_rows);
 TEAMSLAM_API int32_t teamslam_set_weights(teamslam_problem* problem, int64_t handle, const double* weights);
+/* As of teamslam_add_table, in the place of what was given there. */
+TEAMSLAM_API int32_t teamslam_set_whitening(teamslam_problem* problem, int64_t handle, const double* whitening,
+                                            int32_t shared_whitening);
 /* curvature, of any term: 0 none, 1 of its loss, 2 of its loss and residuals (curvature.hpp). */
 TEAMSLAM_API int32_t teamslam_set_curvature(teamslam_problem* problem, int64_t handle, int32_t curvature);
 TEAMSLAM_API int32_t teamslam_set_submap(teamslam_problem* problem, int64_t handle, const double* state,
@@ -149,6 +152,7 @@ TEAMSLAM_API void teamslam_factor_free(teamslam_factor* factor);
 /* pivot: -1, or the variable at which a pivot was not positive. */
 TEAMSLAM_API int32_t teamslam_factorise(teamslam_factor* factor, const double* values, const double* damping,
                                         int32_t* pivot);
+/* rhs: unknowns x columns, row-major, solved in place. */
 TEAMSLAM_API int32_t teamslam_solve(const teamslam_factor* factor, double* rhs, int64_t columns);
 TEAMSLAM_API int32_t teamslam_solve_lower(const teamslam_factor* factor, double* rhs, int64_t columns);
 TEAMSLAM_API int32_t teamslam_solve_upper(const teamslam_factor* factor, double* rhs, int64_t columns);

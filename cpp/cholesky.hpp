@@ -41,7 +41,7 @@ class Cholesky {
   // regularised; after a failure only factor and eliminate may be called.
   int32_t factor(const double* values, const double* damping);
 
-  // A X = B in place, column-major scalars() x columns, natural (input) order.
+  // A X = B in place, row-major scalars() x columns, natural (input) order.
   void solve(double* rhs, int64_t columns) const;
   // X = L^-1 P B in place. Row i of the result belongs to elimination position i: the scalars of variable order()[0]
   // come first, then those of order()[1], and so on. Columns of B = J' give J A^-1 J' as X' X.

@@ -1,7 +1,8 @@
 // Triangular solves with the factor, and the Schur complement onto the last variables.
 //
 // One right-hand side goes through every panel alone. Several are taken eight at a time, the eight values of a scalar
-// side by side, so that the same kernels as in the factorisation run over them and rows are gathered by cache line.
+// side by side as they are given, so that the same kernels as in the factorisation run over them and rows are gathered
+// by cache line; one that is left over goes alone.
 #include <algorithm>
 #include <cstring>
 
@@ -76,37 +77,33 @@ class Sweep {
 
 enum class Order { natural, eliminated };  // in which columns are given, and in which results are written
 
-// Calls body(sweep, y) on the columns of rhs, in the order of elimination, in groups of `width`, and writes y back.
+// Calls body(sweep, y) on some of the columns of rhs, in the order of elimination, in groups of `width`, and writes y
+// back.
 template <int64_t width, class Body>
-void over_groups(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
-                 Order given, Order result, const Body& body) {
+void over_groups(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t first,
+                 int64_t end, int64_t columns, Order given, Order result, const Body& body) {
   const auto place = [&s](Order order, int64_t i) { return order == Order::natural ? s.natural_scalar[i] : i; };
   Sweep<width> sweep(s, panel, inverse);
   std::vector<double> y(static_cast<size_t>(s.scalars * width), 0.0);
-  for (int64_t c0 = 0; c0 < columns; c0 += width) {
-    const int64_t count = std::min(width, columns - c0);
-    double* group = rhs + c0 * s.scalars;
+  for (int64_t c0 = first; c0 < end; c0 += width) {
+    const int64_t count = std::min(width, end - c0);
+    double* group = rhs + c0;
     for (int64_t i = 0; i < s.scalars; ++i) {
-      const int64_t from = place(given, i);
-      for (int64_t c = 0; c < count; ++c) y[i * width + c] = group[from + c * s.scalars];
-      for (int64_t c = count; c < width; ++c) y[i * width + c] = 0;
+      std::copy_n(group + place(given, i) * columns, count, y.data() + i * width);
+      std::fill_n(y.data() + i * width + count, width - count, 0.0);
     }
     body(sweep, y.data());
-    for (int64_t i = 0; i < s.scalars; ++i) {
-      const int64_t to = place(result, i);
-      for (int64_t c = 0; c < count; ++c) group[to + c * s.scalars] = y[i * width + c];
-    }
+    for (int64_t i = 0; i < s.scalars; ++i)
+      std::copy_n(y.data() + i * width, count, group + place(result, i) * columns);
   }
 }
 
 template <class Body>
 void over_columns(const Symbolic& s, const double* panel, const double* inverse, double* rhs, int64_t columns,
                   Order given, Order result, const Body& body) {
-  if (columns == 1) {
-    over_groups<1>(s, panel, inverse, rhs, columns, given, result, body);
-  } else {
-    over_groups<wide>(s, panel, inverse, rhs, columns, given, result, body);
-  }
+  const int64_t alone = columns % wide == 1 ? columns - 1 : columns;
+  if (alone > 0) over_groups<wide>(s, panel, inverse, rhs, 0, alone, columns, given, result, body);
+  if (alone < columns) over_groups<1>(s, panel, inverse, rhs, alone, columns, columns, given, result, body);
 }
 
 }  // namespace

@@ -45,7 +45,6 @@ Table::Table(const Variables& variables, const TableInput& input)
       loss_(input.loss),
       scale_(input.scale) {
   const char* name = model_names[static_cast<int>(model_)];
-  const int r = residual_size();
   if (rows_ <= 0) refuse(name, ": the table has no rows; leave it out");
   if (loss_ != Loss::squared && !(std::isfinite(scale_) && scale_ > 0.0))
     refuse(name, ": a robust loss needs a scale above zero, found ", scale_);
@@ -54,9 +53,7 @@ Table::Table(const Variables& variables, const TableInput& input)
       refuse(name, ": row ", i / keys_, " names variable ", input.index[i], ", but there are ", variables.count());
   index_.assign(input.index, input.index + rows_ * keys_);
   z_.assign(input.z, input.z + rows_ * numbers_);
-  whitening_.assign(input.whitening, input.whitening + (shared_whitening_ ? 1 : rows_) * r * r);
-  if (!all_finite(whitening_.data(), static_cast<int64_t>(whitening_.size())))
-    refuse(name, ": the whitening has a number that is not finite");
+  set_whitening(input.whitening, input.shared_whitening);
   if (input.sensor) {
     sensor_.assign(input.sensor, input.sensor + pose_numbers(dimension_));
     if (!all_finite(sensor_.data(), pose_numbers(dimension_)) || !is_rotation(sensor_.data() + dimension_, dimension_))
@@ -120,6 +117,15 @@ void Table::set_weights(const double* weights) {
       refuse("weight of row ", row, " is ", weights[row], "; expected a number of at least 0");
   weights_.assign(weights, weights + rows_);
   if (!order_.empty()) reorder(weights_, 1, order_);
+}
+
+void Table::set_whitening(const double* whitening, bool shared) {
+  const int64_t width = residual_size() * residual_size(), size = (shared ? 1 : rows_) * width;
+  if (!all_finite(whitening, size))
+    refuse(model_names[static_cast<int>(model_)], ": the whitening has a number that is not finite");
+  whitening_.assign(whitening, whitening + size);
+  shared_whitening_ = shared;
+  if (!shared && !order_.empty()) reorder(whitening_, width, order_);
 }
 
 void Table::weigh(std::vector<double>& work) const {

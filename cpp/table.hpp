@@ -31,6 +31,8 @@ class Table final : public Term {
 
   // One factor per row on its part of H, g and cost, in the order of the input; null: none.
   void set_weights(const double* weights);
+  // Another whitening in the place of the one given, one or one a row.
+  void set_whitening(const double* whitening, bool shared);
   int64_t rows() const { return rows_; }
   int residual_size() const { return residual_rows(model_, dimension_); }
   // Whitened, in the order of the input; usable once the problem is frozen.

@@ -153,6 +153,27 @@ def test_weights_may_come_and_go():
     assert problem.cost(state) == pytest.approx(squared.sum())
 
 
+@given(problems(), st.integers(0, 2**32 - 1))
+def test_another_whitening_is_as_if_it_had_been_given(case, seed):
+    variables, tables, state = case
+    rng = np.random.default_rng(seed)
+    others = [
+        (model, dim, index, z, rng.normal(size=(1 if rng.random() < 0.5 else len(index), *whitening.shape[1:])), *rest)
+        for model, dim, index, z, whitening, *rest in tables
+    ]
+    problem, handles = native(variables, tables)
+    used = rng.random() < 0.5
+    if used:
+        problem.linearise(state)
+    for handle, other in zip(handles, others, strict=True):
+        problem.set_whitening(handle, other[4])
+    expected, its = native(variables, others)
+    for found, wanted in zip(problem.linearise(state), expected.linearise(state), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+    for mine, theirs in zip(handles, its, strict=True):
+        np.testing.assert_array_equal(problem.residuals(state, mine), expected.residuals(state, theirs))
+
+
 def test_blocks_of_the_caller_join_those_of_the_tables():
     # A table of relative poses, once by the kernel and once by hand in NumPy, in either order of the variables.
     rng = np.random.default_rng(2)

@@ -190,6 +190,10 @@ def test_state_weights_blocks_and_order_of_use():
     for weights in ([1.0], [-1.0, 1.0], [np.nan, 1.0], [np.inf, 1.0]):
         with pytest.raises(ModelError, match="weight"):
             problem.set_weights(handle, weights)
+    r = problem.residuals(STATE, handle).shape[1]
+    for whitening in (np.eye(r), np.ones((3, r, r)), np.full((1, r, r), np.nan)):
+        with pytest.raises(ModelError, match="whitening"):
+            problem.set_whitening(handle, whitening)
     with pytest.raises(ModelError, match="expected"):
         problem.linearise(STATE)
     with pytest.raises(ModelError, match="found handles"):

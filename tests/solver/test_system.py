@@ -1,6 +1,8 @@
 """The assembled problem against dense differences: cost, gradient and Hessian, for every world, loss and kind of
 term."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,25 @@ def test_every_sensor_weighs_its_noise_in_the_coordinates_of_its_model(setting: 
         np.testing.assert_allclose((rows.T @ rows).toarray(), whole, atol=1e-12 * np.abs(whole).max())
         pull = rows.T @ system.whitened(0, values).ravel()
         np.testing.assert_allclose(pull, at.gradient, atol=1e-12 * np.abs(at.gradient).max())
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=str)
+def test_another_whitening_stands_as_if_rows_had_come_with_it(setting: Setting) -> None:
+    rng = np.random.default_rng(3)
+    truth = world(rng, setting)
+    values = perturbed(truth, 1, 0.3)
+    for table in every_table(rng, truth, setting):
+        system, shape = System(values.layout, tables=[table]), (len(table), *table.whitening.shape[1:])
+        system.linearise(values)
+        other = np.broadcast_to(table.whitening, shape) * rng.uniform(0.5, 2.0, (len(table), 1, 1))
+        system.set_whitening(0, other)
+        fresh = System(values.layout, tables=[replace(table, whitening=other)])
+        at, expected = system.linearise(values), fresh.linearise(values)
+        np.testing.assert_array_equal(at.hessian.to_csr().toarray(), expected.hessian.to_csr().toarray())
+        np.testing.assert_array_equal(at.gradient, expected.gradient)
+        np.testing.assert_array_equal(system.whitened(0, values), fresh.whitened(0, values))
+        half = system.jacobian(0, values).toarray()
+        np.testing.assert_array_equal(half, fresh.jacobian(0, values).toarray())
 
 
 @pytest.mark.parametrize("world", WORLDS)

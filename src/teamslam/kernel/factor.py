@@ -65,27 +65,27 @@ class Factor(InKernel):
 
     def solve(self, rhs: ArrayLike) -> Floats:
         """x with A x = rhs, for rhs (scalars,) or (scalars, k)."""
-        x, columns = self._columns(rhs)
+        x = self._copied(rhs)
         with self._held("factor"):
-            checked(library.solve(self._pointer, x, columns))
-        return _as_given(x)
+            checked(library.solve(self._pointer, x, _columns_of(x)))
+        return x
 
     def solve_lower(self, rhs: ArrayLike) -> Floats:
         """L^-1 P rhs, in elimination order: with rhs = J', its X'X is J A^-1 J'."""
-        x, columns = self._columns(rhs)
+        x = self._copied(rhs)
         with self._held("factor"):
-            checked(library.solve_lower(self._pointer, x, columns))
-        return _as_given(x)
+            checked(library.solve_lower(self._pointer, x, _columns_of(x)))
+        return x
 
     def solve_upper(self, rhs: ArrayLike) -> Floats:
         """P' L^-T rhs, rows of rhs in elimination order: of white noise it makes draws of covariance A^-1.
 
         Law: solve_upper(solve_lower(b)) is solve(b).
         """
-        x, columns = self._columns(rhs)
+        x = self._copied(rhs)
         with self._held("factor"):
-            checked(library.solve_upper(self._pointer, x, columns))
-        return _as_given(x)
+            checked(library.solve_upper(self._pointer, x, _columns_of(x)))
+        return x
 
     def log_determinant(self) -> float:
         """log det A."""
@@ -189,11 +189,9 @@ class Factor(InKernel):
         a = floats("values", values, (self.pattern.size,))
         return a, None if damping is None else floats("damping", damping, (self.pattern.scalars,))
 
-    def _columns(self, rhs: ArrayLike) -> tuple[Floats, int]:
-        """A column-major copy, as its transpose (k, scalars), and its number of columns."""
-        n = self.pattern.scalars
-        given = floats("rhs", rhs, (n,), (n, None))
-        return given.T.copy(), 1 if given.ndim == 1 else given.shape[1]
+    def _copied(self, rhs: ArrayLike) -> Floats:
+        """A copy, row-major."""
+        return floats("rhs", rhs, (self.pattern.scalars,), (self.pattern.scalars, None)).copy()
 
     def _check_pivot(self) -> None:
         if self._pivot[0] >= 0:
@@ -221,5 +219,5 @@ class _Held:
         self.lock.release()
 
 
-def _as_given(x: Floats) -> Floats:
-    return x if x.ndim == 1 else x.T
+def _columns_of(x: Floats) -> int:
+    return 1 if x.ndim == 1 else x.shape[1]

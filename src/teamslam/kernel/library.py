@@ -42,6 +42,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "add_submaps": (L, [P, L, A, A, A, A, A, A, A, A, A, A]),
     "add_blocks": (L, [P, L, L, A, L]),
     "set_weights": (I, [P, L, A]),
+    "set_whitening": (I, [P, L, A, I]),
     "set_curvature": (I, [P, L, I]),
     "set_submap": (I, [P, L, A, A, A]),
     "set_homes": (I, [P, A]),

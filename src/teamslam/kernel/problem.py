@@ -87,6 +87,13 @@ class Problem(InKernel):
         with self._lock:
             checked(library.set_weights(self._pointer, handle, given))
 
+    def set_whitening(self, handle: int, whitening: ArrayLike) -> None:
+        """Another whitening (m, r, r), or (1, r, r) for all rows, in the place of a table's."""
+        m, r = self._known(self._tables, handle, "table")
+        given = floats("whitening", whitening, (m, r, r), (1, r, r))
+        with self._lock:
+            checked(library.set_whitening(self._pointer, handle, given, len(given) == 1))
+
     def set_curvature(self, handle: int, curvature: str) -> None:
         """What H holds of a table or submap beyond J'W'WJ: a name of CURVATURES. "none" (at first) is information;
         "losses" adds how robust losses bend along their residuals, "all" how residuals bend too: the second derivative

@@ -144,6 +144,11 @@ class Factor:
         """H^-1 right, right (n,) or (n, k)."""
         return np.asarray(self._factor.solve(right))
 
+    def half(self, right: Array) -> Array:
+        """L^-1 right, in the order of elimination, for L L' = H and right (n,) or (n, k). Law: half(J')' half(J') is
+        J H^-1 J', and draws(half(right)) is solve(right)."""
+        return np.asarray(self._factor.solve_lower(right))
+
     def log_determinant(self) -> float:
         """log det H."""
         return self._factor.log_determinant()

@@ -8,7 +8,7 @@ made in NumPy. Everything above the kernel speaks of keys and Values, everything
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -251,6 +251,15 @@ class System:
     def set_weights(self, table: int, weights: Array | None) -> None:
         """Extra weights (m,) on the rows of a table, None for one: what graduated non-convexity turns."""
         self._problem.set_weights(self._handles[table], weights)
+
+    def set_whitening(self, table: int, whitening: Array) -> None:
+        """Put another whitening (m, r, r) in place of a table's."""
+        mine = self.tables[table]
+        if mine.row.native:
+            self._problem.set_whitening(self._handles[table], whitening)
+        tables = list(self.tables)
+        tables[table] = replace(mine, whitening=whitening)
+        self.tables = tuple(tables)
 
     def set_submap(self, which: int, term: SubmapTerm) -> None:
         """Put a new estimate, information (of the same structure) and slope in place of a submap's."""
