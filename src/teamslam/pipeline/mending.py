@@ -315,8 +315,8 @@ def _a_step_further(joined: Joined, calibration: Calibration, log: Dataset) -> t
     for component in joined.components:
         try:
             here = AtMap(right.tables, component.map)
-            map, held = calibration.carried_on(here.renewed, here.tables)
-            further = held.cost(map, log) < calibration.cost(component.map, log)
+            map, held = calibration.carried_on(here.renewed, here.tables, here.gap)
+            further = held.cost(map, log) < calibration.cost_of(component.map, here.tables, here.gap.cost)
         except SolveError:
             further = False
         if further:

@@ -7,7 +7,7 @@ import numpy as np
 
 from teamslam.errors import SolveError
 from teamslam.joining import AtMap, cost_of
-from teamslam.joining.exact.gap import frame_of, point_of, rows_in
+from teamslam.joining.exact.gap import Gap, frame_of, point_of, rows_in
 from teamslam.model import Dataset, Names, Submap, Table, Values
 from teamslam.trust.calibration.carried import carrying, held
 from teamslam.trust.calibration.changed import Change, beyond, put_right
@@ -92,18 +92,19 @@ class Calibration:
                 return moved.seen_from(moved.pose(submap.base), layout) if submap.base >= 0 else moved.only(layout.keys)
         return values
 
-    def carried_by(self, submap: Submap, rows: Sequence[Table]) -> Submap:
+    def carried_by(self, submap: Submap, rows: Sequence[Table], gap: Gap | None = None) -> Submap:
         """The submap of `rows` that were put right, with systematic errors among its variables (see `carried`)."""
-        return carrying(submap, rows, self.systematic, self.changes)
+        return carrying(submap, rows, self.systematic, self.changes, gap)
 
     def at(self, map: Submap, log: Dataset) -> AtMap:
         """The log put right, at a map of it."""
         return PutRight(self.put_right(log).tables, map, self.changes)
 
-    def carried_on(self, map: Submap, rows: Sequence[Table]) -> tuple[Submap, "Calibration"]:
+    def carried_on(self, map: Submap, rows: Sequence[Table], gap: Gap | None = None) -> tuple[Submap, "Calibration"]:
         """The map of all `rows`, put right, with their systematic errors among its variables, and the calibration as
-        that map holds it: it has moved on with them."""
-        carries = self.carried_by(map, rows)
+        that map holds it: it has moved on with them. `gap`: that of these rows where the map is, with whose information
+        it is, where it is known."""
+        carries = self.carried_by(map, rows, gap)
         systematic = held(carries, rows, self.systematic)
         further = [(was, now.value - was.value) for was, now in zip(self.systematic, systematic, strict=True)]
         changes = tuple(change.further(further, rows) for change in self.changes)
@@ -112,10 +113,14 @@ class Calibration:
     def cost(self, map: Submap, log: Dataset) -> float:
         """What a log that is put right costs at a map of it, beside what the systematic errors themselves do:
         sum |W'' e|^2 + sum |D e|^2 + sum |p / prior|^2."""
-        tables, values = self.put_right(log).tables, point_of(map)
-        told = beyond(rows_in(map, tables), self.changes, values, frame_of(map), map.names)
+        rows = rows_in(map, self.put_right(log).tables)
+        return self.cost_of(map, rows, cost_of(map, rows).cost)
+
+    def cost_of(self, map: Submap, rows: Sequence[Table], alone: float) -> float:
+        """The same of a map's `rows` that were put right, from what these cost `alone`."""
+        told = beyond(rows, self.changes, point_of(map), frame_of(map), map.names)
         errors = sum((error.value / error.prior) ** 2 for error in self.systematic)
-        return cost_of(map, tables).cost + (0.0 if told is None else told[2]) + errors
+        return alone + (0.0 if told is None else told[2]) + errors
 
 
 def calibrate(at: Sequence[AtMap]) -> Calibration:

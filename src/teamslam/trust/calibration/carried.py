@@ -18,8 +18,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, IntArray
 from teamslam.joining.build.problem import gaussian_part
+from teamslam.joining.exact.gap import Gap
 from teamslam.model import Dataset, Kind, Submap, Table, Values, parameter_keys, point_kind, robot_of
 from teamslam.model.sparse import sp
 from teamslam.solver import Factor, System
@@ -29,46 +30,51 @@ from teamslam.trust.calibration.systematic import Systematic
 
 
 def carrying(
-    submap: Submap, tables: Sequence[Table], known: Sequence[Systematic], changes: Sequence[Change] = ()
+    submap: Submap,
+    tables: Sequence[Table],
+    known: Sequence[Systematic],
+    changes: Sequence[Change] = (),
+    gap: Gap | None = None,
 ) -> Submap:
     """The submap of rows that were put right, with the systematic errors of its robots among its variables, and with
     what rows that follow each other say of how they differ.
 
-    `tables` are the rows that its information is of. Law: its marginal over the old variables is that of least squares
-    over these, how they differ and p together. Itself where none of the errors is of its rows, nor any say how they
-    differ.
+    `tables` are the rows that its information is of, and `gap` what is known of these there, if anything is. Law: its
+    marginal over the old variables is that of least squares over these, how they differ and p together. Itself where
+    none of the errors is of its rows, nor any say how they differ.
     """
     if not submap.dof:
         return submap
-    given = submap.all_values if submap.base >= 0 else submap.values
-    submap, step, factor = sharpened(submap, tables, changes)
+    # As the information is, at the map that was given: elsewhere the two together may be that of no map.
+    given, free = submap.all_values if submap.base >= 0 else submap.values, submap.values.layout
+    fixed = given.layout.keys[~free.contains(given.layout.keys)]
+    system = System(given.layout, tables=tables, fixed=fixed, names=submap.names) if gap is None else gap.system
+    submap, step, factor = sharpened(submap, tables, changes, system, gap)
     touched, mine = _touched(tables, known)
     if not mine:
         return submap
     prior = np.array([known[j].prior for j in mine])
     mean = np.array([known[j].value for j in mine]) / prior
     cross, own, slope = np.zeros((submap.dof, len(mine))), np.eye(len(mine)), -mean
-    touched = [(table, effects) for table, effects in touched if any(effect is not None for effect in effects)]
-    held = given.layout.keys[~submap.values.layout.contains(given.layout.keys)]
-    # As the information is, at the map that was given: elsewhere the two together may be that of no map.
-    linear = linearised([table for table, _ in touched], given, held, submap.names)
-    for (table, effects), (error, jacobian) in zip(touched, linear, strict=True):
+    for k, (table, effects) in enumerate(touched):
         places = [n for n, j in enumerate(mine) if effects[j] is not None]
-        whitening = np.broadcast_to(table.whitening, (len(table), *table.whitening.shape[1:]))
-        weight = table.loss.weight(np.sum(np.einsum("mij,mj->mi", whitening, error) ** 2, -1))
-        error = error - (jacobian @ step).reshape(error.shape)
-        information = weight[:, None, None] * np.swapaxes(whitening, 1, 2) @ whitening
+        if not places:
+            continue
+        jacobian, error = system.jacobian(k, given), system.whitened(k, given)
+        root = np.sqrt(table.loss.weight(np.sum(error**2, -1)))[:, None]
         effect = np.stack([prior[n] * effects[mine[n]] for n in places], -1)
-        weighed = (information @ effect).reshape(error.size, len(places))
-        cross[:, places] += jacobian.T @ weighed
-        own[np.ix_(places, places)] += effect.reshape(error.size, -1).T @ weighed
-        slope[places] += weighed.T @ error.ravel()
+        ahead = (jacobian @ step).reshape(error.shape)
+        along = ((root[..., None] * table.whitening) @ effect).reshape(error.size, -1)
+        cross[:, places] += jacobian.T @ (np.broadcast_to(root, error.shape).reshape(-1, 1) * along)
+        own[np.ix_(places, places)] += along.T @ along
+        slope[places] += along.T @ (root * (error - ahead)).ravel()
         differ = differing(table, changes)
         if differ is not None:
+            ((error, bare),) = linearised([table], given, fixed, submap.names)
             along = differ @ effect.reshape(error.size, -1)
-            cross[:, places] += (differ @ jacobian).T @ along
+            cross[:, places] += (differ @ bare).T @ along
             own[np.ix_(places, places)] += along.T @ along
-            slope[places] += along.T @ (differ @ error.ravel())
+            slope[places] += along.T @ (differ @ (error.ravel() - bare @ step))
     return bordered(submap, factor, cross, own, slope, mean)
 
 
@@ -88,7 +94,7 @@ def _touched(
     tables: Sequence[Table], known: Sequence[Systematic]
 ) -> tuple[list[tuple[Table, list[Array | None]]], list[int]]:
     """Tables with what each systematic error does to their rows, and which errors are of any."""
-    touched = [(table, [error.on(table) for error in known]) for table in tables if len(table)]
+    touched = [(table, [error.on(table) for error in known]) for table in tables]
     return touched, [j for j in range(len(known)) if any(effects[j] is not None for _, effects in touched)]
 
 
@@ -97,15 +103,19 @@ def _points_of(submap: Submap) -> Kind:
     return point_kind(2 + int((submap.values.layout.kinds % 2).max(initial=0)))
 
 
-def sharpened(submap: Submap, tables: Sequence[Table], changes: Sequence[Change]) -> tuple[Submap, Array, Factor]:
-    """The submap of rows that were put right, by what those that follow each other say of how they differ as well: its
-    information, and its estimate one step (dof,) of least squares over both further; with the step, and the factor of
-    the information."""
+def sharpened(
+    submap: Submap, tables: Sequence[Table], changes: Sequence[Change], system: System, gap: Gap | None = None
+) -> tuple[Submap, Array, Factor]:
+    """The submap of rows that were put right, whose problem is `system`, by what those that follow each other say of
+    how they differ as well: its information, and its estimate one step (dof,) of least squares over both further; with
+    the step, and the factor of the information."""
     values = submap.all_values if submap.base >= 0 else submap.values
     held = values.layout.keys[~submap.values.layout.contains(values.layout.keys)]
     told = beyond(tables, changes, values, held, submap.names)
-    slope = System(values.layout, tables=tables, fixed=held, names=submap.names).linearise(values, lazy=True).gradient
     information = submap.information
+    if gap is not None and told is None:
+        return replace(submap, values=submap.values.retract(gap.step)), gap.step, gap.factor
+    slope = system.linearise(values, lazy=True).gradient
     if told is not None:
         more, further, _ = told
         information, slope = sp.csr_array(information + more), slope + further
@@ -131,16 +141,20 @@ def bordered(submap: Submap, factor: Factor, cross: Array, own: Array, slope: Ar
     cross = np.pad(cross, ((0, 0), (0, spare)))
     own = np.block([[own, np.zeros((len(own), spare))], [np.zeros((spare, len(own))), np.eye(spare)]])
     slope, values = np.pad(slope, (0, spare)), np.pad(values, (0, spare))
-    followed = factor.solve(cross)
-    shift = np.linalg.solve(own - cross.T @ followed, slope)
-    layout = submap.values.layout
-    moved = submap.values.retract(-(followed @ shift))
-    keys = np.sort(parameter_keys(submap.id, count, beside=layout.keys))
-    points = Values.of({kind: (keys, (values + shift).reshape(count, dim))})
-    both = moved.update(points)
-    order = np.concatenate([both.layout.unknowns(layout.keys), both.layout.unknowns(keys)])
-    whole = sp.csr_array(
-        sp.block_array([[submap.information, sp.csr_array(cross)], [sp.csr_array(cross.T), sp.csr_array(own)]])
-    )
-    back = np.argsort(order)
-    return replace(submap, values=both, information=sp.csr_array(whole[back][:, back]))
+    half = factor.half(cross)
+    shift = np.linalg.solve(own - half.T @ half, slope)
+    moved = submap.values.retract(-factor.draws(half @ shift))
+    keys = np.sort(parameter_keys(submap.id, count, beside=submap.values.layout.keys))
+    both = moved.update(Values.of({kind: (keys, (values + shift).reshape(count, dim))}))
+    return replace(submap, values=both, information=_beside(submap.information, cross, own, both.layout.unknowns(keys)))
+
+
+def _beside(information: sp.csr_array, cross: Array, own: Array, places: IntArray) -> sp.csr_array:
+    """The symmetric information of a submap with that of p, at some places (k,) among all unknowns, rising."""
+    below = sp.hstack([sp.csc_array(cross), information.T], "csc").tocsr()
+    whole = sp.csr_array(sp.vstack([sp.csr_array(np.concatenate([own, cross]).T), below], "csr"))
+    if not len(places) or places[-1] < len(places):
+        return whole
+    at = np.setdiff1d(np.arange(whole.shape[0]), places, assume_unique=True)
+    back = np.argsort(np.concatenate([places, at]))
+    return sp.csr_array(whole[back][:, back])

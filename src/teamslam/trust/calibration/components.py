@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.geometry import Array, BoolArray
 from teamslam.trust.calibration.noise import Noise
-from teamslam.trust.calibration.posterior import Fit
+from teamslam.trust.calibration.products import by_rows
 from teamslam.trust.calibration.slips import Slips
 
 ROUNDING = 1e-9
@@ -85,15 +85,18 @@ class Pulls:
         for k, (slip, noise, errors) in enumerate(zip(slips, now, both, strict=True)):
             if slip is None:
                 continue
-            pull = np.swapaxes(noise.whitening, 1, 2) @ (noise.whitening @ errors)
-            units = [(n, np.where(theta[j] > 0.0, theta[j], 1.0) * slip.units[j])
-                     for n, j in enumerate(components.slipping, len(components.scaled))]  # fmt: skip
+            pull = by_rows(np.swapaxes(noise.whitening, 1, 2), by_rows(noise.whitening, errors))
+            pull *= slip.moving[:, None, None]
+            stated = slip.stated * np.outer(scales[k], scales[k])
+            spread = by_rows(stated, pull)  # S C S l, of which each part's logarithm moves its own
             for n, (part, tables) in enumerate(components.scaled):
                 if k in tables:
-                    units.append((n, _of_part(slip.stated, scales[k], part)))
-            for n, unit in units:
-                moved = unit @ pull * slip.moving[:, None, None]
-                squares[n] += np.sum(pull * moved, (0, 1))
+                    squares[n] += np.einsum("mk,mk->k", pull[:, part], spread[:, part])
+                    along[k][..., n] = 0.5 * stated[..., part] * pull[:, part, :1]
+                    along[k][:, part, n] += 0.5 * spread[:, part, 0]
+            for n, j in enumerate(components.slipping, len(components.scaled)):
+                moved = by_rows(np.where(theta[j] > 0.0, theta[j], 1.0) * slip.units[j], pull)
+                squares[n] += np.einsum("mrk,mrk->k", pull, moved)
                 along[k][..., n] = moved[..., 0]
         return cls(squares, np.concatenate([each.reshape(-1, len(components)) for each in along]))
 
@@ -101,10 +104,6 @@ class Pulls:
     def scores(self) -> Array:
         """f (k,)."""
         return np.asarray(0.5 * (self.squares[:, 0] - self.squares[:, 1:].mean(1)))
-
-    def information(self, fit: Fit) -> Array:
-        """A (k, k)."""
-        return np.asarray(0.5 * self.along.T @ (fit.weight @ fit.left(self.along)))
 
 
 def _of_part(stated: Array, scale: Array, part: int) -> Array:

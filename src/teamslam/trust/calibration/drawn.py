@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from teamslam.geometry import Array
+from teamslam.model.losses import SQUARED
 from teamslam.trust.calibration.noise import Noise
 from teamslam.trust.calibration.rows import Linear
 
@@ -21,11 +22,28 @@ def white_noise(linear: Linear) -> Array:
     return np.random.default_rng(0).standard_normal((len(linear.errors), DRAWS), np.float32).astype(float)
 
 
-def beside_drawn(linear: Linear, now: Sequence[Noise], white: Array) -> Array:
-    """The errors measured, and others beside them that `white` noise (N, draws) makes by the noise of each table,
+def beside_drawn(linear: Linear, now: Sequence[Noise], white: Sequence[Array]) -> Array:
+    """The errors measured, and others beside them that `white` noise (m, rows, draws) makes by the noise of each table,
     (N, 1 + draws)."""
-    drawn = [noise.errors(w).reshape(-1, white.shape[1]) for noise, w in zip(now, linear.by_tables(white), strict=True)]
-    return np.concatenate([linear.errors[:, None], np.concatenate(drawn)], 1)
+    draws = max((w.shape[-1] for w in white), default=0)
+    both = np.empty((len(linear.errors), 1 + draws))
+    both[:, 0] = linear.errors
+    for noise, w, each in zip(now, white, linear.by_tables(both), strict=True):
+        each[..., 1:] = noise.errors(w)
+    return both
+
+
+def felt_by(now: Sequence[Noise], left: Sequence[Array], errors: Array, linear: Linear) -> Array | None:
+    """Errors (N, 1 + draws) as a fit feels them: rows weigh as those measured do by what is `left` (m, rows, 1) of
+    them, and one drawn pulls by what its own loss weighs it by, w(e) e = w(measured) felt. None where no loss
+    forgives."""
+    if all(noise.table.loss == SQUARED for noise in now):
+        return None
+    felt = errors.copy()
+    for noise, rest, each in zip(now, left, linear.by_tables(felt), strict=True):
+        if noise.table.loss != SQUARED:
+            each[..., 1:] *= (noise.weights(each[..., 1:]) / noise.weights(rest))[:, None]
+    return felt
 
 
 def by_chance(share: float) -> float:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array
+from teamslam.geometry import Array, BoolArray
 from teamslam.model import Table
 from teamslam.model.noise import ranks
+from teamslam.trust.calibration.products import by_rows, inverse_of_lower
 from teamslam.trust.calibration.slips import Slips
 
 
@@ -36,7 +37,7 @@ class Noise:
         """The same with deviations `scale` (r,) times as large, and with slips."""
         if slips is not None and theta.any():
             root = np.asarray(np.linalg.cholesky(slips.covariance(scale, theta)), float)
-            return Noise(self.table, np.linalg.inv(root), root, _deviation(root))
+            return Noise(self.table, inverse_of_lower(root), root, _deviation(root))
         return Noise(self.table, self.whitening / scale, scale[:, None] * self.root, scale * self.deviation)
 
     @property
@@ -46,18 +47,28 @@ class Noise:
 
     def errors(self, white: Array) -> Array:
         """Errors (m, r, draws) of white noise."""
-        return np.asarray(self.root @ white)
+        return by_rows(self.root, white)
 
     def weights(self, errors: Array) -> Array:
         """What the loss weighs rows by (m, draws), with errors (m, r, draws)."""
         if self.table.loss.name == "squared":
             return np.ones((len(errors), errors.shape[-1]))
-        return self.table.loss.weight(np.sum((self.whitening @ errors) ** 2, 1))
+        whitened = by_rows(self.whitening, errors)
+        return self.table.loss.weight(np.einsum("mrk,mrk->mk", whitened, whitened))
 
     def sizes(self, errors: Array) -> Array:
         """Errors (m, r, draws) in their deviations, weighed by the loss, each draw by its own size."""
         counted = np.where(self.deviation > 0.0, 1.0 / np.where(self.deviation > 0.0, self.deviation, 1.0), 0.0)
-        return np.asarray(np.sqrt(self.weights(errors))[:, None] * errors * counted[..., None])
+        sizes: Array = errors * counted[..., None]
+        if self.table.loss.name != "squared":
+            sizes *= np.sqrt(self.weights(errors))[:, None]
+        return sizes
+
+    def squares(self, errors: Array, rows: BoolArray) -> Array:
+        """The mean squares (r, draws) of their sizes over some of the rows."""
+        sizes = self.sizes(errors)
+        sizes = sizes if rows.all() else sizes[rows]
+        return np.asarray(np.einsum("mrk,mrk->rk", sizes, sizes) / len(sizes))
 
 
 def _deviation(root: Array) -> Array:

@@ -10,6 +10,7 @@ is honest for what many rows say together, such as where a landmark is, and caut
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -103,15 +104,20 @@ class Pairs:
             start += len(table)
         one, other, apart, across = (np.concatenate(part) for part in zip(*found, strict=True))
         which = np.where(across == 0, _bins(apart, across == 0), BINS + _bins(apart, across == 1))
+        order = np.argsort(which, kind="stable")
+        one, other, which, apart = one[order], other[order], which[order], apart[order]
         count = np.bincount(which, minlength=2 * BINS).astype(float)
         return cls(one, other, which, np.bincount(which, apart, 2 * BINS) / np.maximum(count, 1.0), count)
 
     def persistence(self, sizes: Array) -> Persistence:
         """How errors hang together, from their sizes (rows, 1 + draws), first those measured: by how much more they do
         than some draws of white noise that went the same way."""
-        looked_at = np.ascontiguousarray(sizes[:, : 1 + WHITE].T)
-        products = looked_at[:, self.one] * looked_at[:, self.other]
-        total = np.bincount(self.which, products[0] - products[1:].mean(0), 2 * BINS)
+        looked_at = np.ascontiguousarray(sizes[:, : 1 + WHITE])
+        counts = np.append(1.0, np.full(looked_at.shape[1] - 1, -1.0 / (looked_at.shape[1] - 1)))
+        products = np.take(looked_at * counts, self.one, 0)
+        products *= np.take(looked_at, self.other, 0)
+        ends = np.searchsorted(self.which, np.arange(2 * BINS + 1))
+        total = np.array([products[first:end].sum() for first, end in pairwise(ends.tolist())])
         mean = total / np.maximum(self.count, 1.0)
         same, across = slice(0, BINS), slice(BINS, 2 * BINS)
         return Persistence(*(curve_of(mean[part], self.apart[part], self.count[part]) for part in (same, across)))
@@ -193,14 +199,11 @@ def hanging(white: Array, table: Table, names: Names, held: Sequence[Persistence
 
 def _fading(white: Array, stamps: Array, groups: IntArray, lasting_s: float) -> Array:
     """Noise (m, draws) of variance one that fades within each group: x_i = f x_(i-1) + (1 - f^2)^1/2 white_i."""
-    from scipy.linalg import solve_banded
-
     order = np.lexsort((stamps, groups))
     alike = np.diff(groups[order], prepend=-1) == 0
     fade = np.where(alike, np.exp(-np.abs(np.diff(stamps[order], prepend=0.0)) / lasting_s), 0.0)
-    bands = np.stack([np.ones(len(fade)), np.append(-fade[1:], 0.0)])
     out = np.empty_like(white)
-    out[order] = solve_banded((1, 0), bands, np.sqrt(1.0 - fade**2)[:, None] * white[order])
+    out[order] = _carried_on(fade, np.sqrt(1.0 - fade**2)[:, None] * white[order])
     return out
 
 
@@ -218,11 +221,16 @@ def _sums(stamps: Array, groups: IntArray, curve: Curve) -> Array:
 
 def _before(fade: Array) -> Array:
     """s_i = fade_i (1 + s_(i-1)), s_0 = 0: what fades away of all before."""
-    from scipy.linalg import solve_banded
-
     right = np.append(0.0, fade)
-    bands = np.stack([np.ones(len(right)), np.append(-fade, 0.0)])
-    return np.asarray(solve_banded((1, 0), bands, right))
+    return _carried_on(right, right[:, None])[:, 0]
+
+
+def _carried_on(fade: Array, fresh: Array) -> Array:
+    """x_i = fade_i x_(i-1) + fresh_i (m, draws); the first fades from nothing."""
+    from scipy.linalg.lapack import dtbtrs
+
+    bands = np.stack([np.ones(len(fade)), np.append(-fade[1:], 0.0)])
+    return np.asarray(dtbtrs(bands, fresh, uplo="L", diag="U")[0])
 
 
 def _lags(count: int) -> list[int]:

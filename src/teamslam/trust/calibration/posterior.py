@@ -7,24 +7,24 @@ choose. `Fit.left` says what is left of any errors, those measured or those draw
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from teamslam.geometry import Array, IntArray
 from teamslam.model import Values
-from teamslam.model.losses import SQUARED
 from teamslam.model.sparse import sp
-from teamslam.solver import Factor, System
+from teamslam.solver import Factor
 from teamslam.trust.calibration.choice import Choice, chosen, posterior
-from teamslam.trust.calibration.rows import Column, Linear, held_at
+from teamslam.trust.calibration.rows import Column, Effects, Linear
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A linear estimator of the map and of the systematic errors of a `choice` (columns of `linear`), by `weight`,
     w W'W of all rows. `values` of those, with their joint `covariance`, in units of their first guesses; `effects` on
-    all rows, and how the map has `followed` them."""
+    all rows, and the `half` L^-1 J'W of these, for L L' = H."""
 
     linear: Linear
     weight: sp.csr_array
@@ -33,8 +33,8 @@ class Fit:
     choice: Choice
     covariance: Array
     values: Array
-    effects: sp.csc_array
-    followed: Array
+    effects: Effects
+    half: Array
 
     @classmethod
     def of(
@@ -48,10 +48,8 @@ class Fit:
         the systematic errors of a `choice`; without one, every one that there may be is in, as its first guess lets it.
         Raises SolveError where the rows do not determine the map."""
         at, values = linear.at, linear.at.values
-        tables = [replace(t, whitening=root, loss=SQUARED) for t, root in zip(linear.tables, roots, strict=True)]
-        system = System(values.layout, tables=tables, fixed=held_at(at), names=linear.names)
         choice = choice or Choice.all(len(linear.columns))
-        weight = _diagonal([np.swapaxes(root, 1, 2) @ root for root in roots])
+        weight = block_diagonal(linear, roots)
         if any(each is not None for each in differing):
             parts = zip(differing, linear.tables, strict=True)
             between = sp.block_diag(
@@ -62,7 +60,9 @@ class Fit:
             factor = Factor.of(at.gap.free, information, linear.names, values)
         else:
             factor = at.gap.system.factor(values)  # of one structure: analysed once
-            factor.factorise(system.linearise(values).hessian.numbers)
+            for k, root in enumerate(roots):
+                linear.system.set_whitening(k, root)
+            factor.factorise(linear.system.linearise(values).hessian.numbers)
         return cls._with(linear, weight, factor, Pulled.of(linear, weight, factor, choice.inside), choice)
 
     @classmethod
@@ -70,11 +70,11 @@ class Fit:
         mine = np.searchsorted(pulled.which, choice.inside)
         if len(mine) < len(pulled.which):
             values, covariance = posterior(pulled.information[np.ix_(mine, mine)], pulled.slope[mine], choice.tau)
-            effects, followed = pulled.effects[:, mine], np.ascontiguousarray(pulled.followed[:, mine])
+            effects, half = pulled.effects.only(mine), np.ascontiguousarray(pulled.half[:, mine])
         else:
             values, covariance = posterior(pulled.information, pulled.slope, choice.tau)
-            effects, followed = pulled.effects, pulled.followed
-        return cls(linear, weight, factor, pulled, choice, covariance, values, effects, followed)
+            effects, half = pulled.effects, pulled.half
+        return cls(linear, weight, factor, pulled, choice, covariance, values, effects, half)
 
     def chosen(self) -> "Fit":
         """The same with those of its systematic errors that the data speak of."""
@@ -89,62 +89,85 @@ class Fit:
         """The systematic errors that are in."""
         return [self.linear.columns[place] for place in self.choice.inside]
 
+    @cached_property
+    def followed(self) -> Array:
+        """How the map has followed each of the systematic errors that are in (unknowns, k)."""
+        return self.factor.draws(self.half)
+
     def moved(self) -> Values:
         """Where the map goes when systematic errors are taken out."""
-        linear = self.linear
-        step = self.factor.solve(linear.jacobian.T @ (self.weight @ (linear.errors - self.effects @ self.values)))
+        linear, errors = self.linear, self.linear.errors.copy()
+        self.effects.along(self.values, errors)
+        step = self.factor.solve(linear.jacobian.T @ (self.weight @ errors))
         return linear.at.gap.system.retract(linear.at.values, step)
 
     def left(self, errors: Array) -> Array:
         """What is left of errors (N, draws) of all rows when map and systematic errors have followed them."""
         pull = self.weight @ errors
         gradient = self.linear.jacobian.T @ pull
-        step, rest = self.factor.solve(gradient), errors
         if len(self.values):
-            values = self.covariance @ (self.effects.T @ pull - self.followed.T @ gradient)
-            step -= self.followed @ values
-            rest = rest - self.effects @ values
+            half = self.factor.half(gradient)
+            values = self.covariance @ (self.effects.pull(pull) - self.half.T @ half)
+            half -= self.half @ values
+            step = self.factor.draws(half)
+        else:
+            step = self.factor.solve(gradient)
         left: Array = self.linear.jacobian @ step
-        return np.subtract(rest, left, out=left)
+        np.subtract(errors, left, out=left)
+        if len(self.values):
+            self.effects.along(values, left)
+        return left
 
 
 @dataclass(frozen=True, eq=False)
 class Pulled:
     """What the rows say of some systematic errors, `which` of all that there may be, when the map is eliminated: their
-    `effects`, their `information` S and `slope` g, and how the map has `followed` each of them (unknowns, k)."""
+    `effects` D, their `information` S and `slope` g, and the `half` L^-1 J'WD (unknowns, k)."""
 
     which: IntArray
-    effects: sp.csc_array
+    effects: Effects
     information: Array
     slope: Array
-    followed: Array
+    half: Array
 
     @classmethod
     def of(cls, linear: Linear, weight: sp.csr_array, factor: Factor, which: IntArray) -> "Pulled":
         """By the weights w W'W of all rows, and the factor of H."""
-        effects = linear.effects if len(which) == len(linear.columns) else sp.csc_array(linear.effects[:, which])
+        effects = linear.effects if len(which) == len(linear.columns) else linear.effects.only(which)
         if not len(which):
             return cls(which, effects, np.zeros((0, 0)), np.zeros(0), np.zeros((linear.jacobian.shape[1], 0)))
-        weighed = weight @ effects
-        cross = (linear.jacobian.T @ weighed).toarray()
-        followed = factor.solve(cross)
-        information = (effects.T @ weighed).toarray() - cross.T @ followed
+        cross, information = crossed(linear, weight, effects)
+        half = factor.half(cross)
+        information -= half.T @ half
         pull = weight @ linear.errors
-        slope = effects.T @ pull - followed.T @ (linear.jacobian.T @ pull)
-        return cls(which, effects, 0.5 * (information + information.T), slope, followed)
+        slope = effects.pull(pull) - half.T @ factor.half(linear.jacobian.T @ pull)
+        return cls(which, effects, 0.5 * (information + information.T), slope, half)
 
 
-def _diagonal(blocks: Sequence[Array]) -> sp.csr_array:
-    """A matrix of blocks (m, r, r) along its diagonal."""
-    data, columns, counts, start = [], [], [], 0
-    for each in blocks:
-        m, r = each.shape[:2]
-        places: IntArray = start + np.arange(m * r).reshape(m, 1, r)
-        data.append(each.ravel())
-        columns.append(np.broadcast_to(places, each.shape).ravel())
-        counts.append(np.full(m * r, r))
-        start += m * r
-    return sp.csr_array(
-        (np.concatenate(data), np.concatenate(columns), np.concatenate([[0], np.cumsum(np.concatenate(counts))])),
-        shape=(start, start),
-    )
+def block_diagonal(linear: Linear, roots: Sequence[Array]) -> sp.csr_array:
+    """The weights w W'W (N, N) of all rows, by `roots` w^1/2 W (m, r, r) of each table."""
+    squares = [(np.swapaxes(root, 1, 2) @ root).ravel() for root in roots]
+    size = len(linear.errors)
+    return sp.csr_array((np.concatenate([*squares, np.zeros(0)]), *linear.blocks), shape=(size, size))
+
+
+def crossed(linear: Linear, weight: sp.csr_array, effects: Effects) -> tuple[Array, Array]:
+    """J'W D (unknowns, k) and D'W D (k, k) of effects D, by the weights of all rows."""
+    cross, own = np.zeros((linear.jacobian.shape[1], effects.count)), np.zeros((effects.count, effects.count))
+    weighed = linear.by_tables(weight @ _side_by_side(effects))
+    for places, mine, jacobian, rows in zip(effects.places, effects.own, linear.jacobians, weighed, strict=True):
+        if len(places):
+            pulls = np.ascontiguousarray(rows.reshape(len(mine), -1)[:, : len(places)])
+            cross[:, places] = jacobian.T @ pulls
+            own[np.ix_(places, places)] = mine.T @ pulls
+    return cross, own
+
+
+def _side_by_side(effects: Effects) -> Array:
+    """What systematic errors do to the rows of their tables (N, most of one table)."""
+    out = np.zeros((sum(map(len, effects.own)), max(map(len, effects.places), default=0)))
+    first = 0
+    for own in effects.own:
+        out[first : first + len(own), : own.shape[1]] = own
+        first += len(own)
+    return out

@@ -8,6 +8,8 @@ each term of each table. Noise enters later, as whitening matrices that calibrat
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -33,11 +35,65 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
+class Effects:
+    """What some systematic errors do to all rows, D (N, k): of each table the `places` of its own among them and what
+    they do to its rows (m rows, own), all others are nothing to it; and their `count` k."""
+
+    places: tuple[IntArray, ...]
+    own: tuple[Array, ...]
+    count: int
+
+    @classmethod
+    def of(cls, tables: Sequence[Table], numbers: Sequence[int], columns: Sequence[Column]) -> "Effects":
+        """One first guess of each of `columns`, on tables of these numbers."""
+        places = [np.array([k for k, c in enumerate(columns) if c.table == n], np.int64) for n in numbers]
+        sizes = [len(table) * table.row.residual_rows(table.dim) for table in tables]
+        own = [
+            np.stack([columns[k].size * columns[k].effect.ravel() for k in mine], -1) if len(mine) else np.zeros((m, 0))
+            for mine, m in zip(places, sizes, strict=True)
+        ]
+        return cls(tuple(places), tuple(own), len(columns))
+
+    def only(self, which: IntArray) -> "Effects":
+        """Those at some places, rising."""
+        places, own = [], []
+        for mine, effects in zip(self.places, self.own, strict=True):
+            kept = np.isin(mine, which)
+            places.append(np.searchsorted(which, mine[kept]))
+            own.append(effects if kept.all() else np.ascontiguousarray(effects[:, kept]))
+        return Effects(tuple(places), tuple(own), len(which))
+
+    def toarray(self) -> Array:
+        """D (N, k)."""
+        out = np.zeros((sum(map(len, self.own)), self.count))
+        self.along(-np.eye(self.count), out)
+        return out
+
+    def along(self, values: Array, out: Array) -> None:
+        """Takes D values (N, draws) from `out`, for values (k, draws)."""
+        first = 0
+        for mine, effects in zip(self.places, self.own, strict=True):
+            if len(mine):
+                out[first : first + len(effects)] -= effects @ values[mine]
+            first += len(effects)
+
+    def pull(self, numbers: Array) -> Array:
+        """D' numbers (k, draws), for numbers (N, draws)."""
+        out, first = np.zeros((self.count, *numbers.shape[1:])), 0
+        for mine, effects in zip(self.places, self.own, strict=True):
+            if len(mine):
+                out[mine] = effects.T @ numbers[first : first + len(effects)]
+            first += len(effects)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
 class Linear:
     """The rows of `tables` one after another, N numbers in all, `at` a map.
 
-    `errors` (N,) at the map, `jacobian` sparse (N, unknowns), `effects` sparse (N, k) of the
-    systematic errors `columns` that these tables may have, in units of their first guesses; all unwhitened.
+    `errors` (N,) at the map, `jacobian` sparse (N, unknowns), systematic errors `columns` that these tables may have;
+    all unwhitened. `system`: the problem of all rows at the map, whose whitening fits put in, and `places` where the
+    tables are among its own.
     """
 
     at: AtMap
@@ -45,16 +101,65 @@ class Linear:
     errors: Array
     jacobian: sp.csr_array
     columns: tuple[Column, ...]
-    effects: sp.csc_array
+    system: System
+    places: tuple[int, ...]
+
+    def only(self, which: Sequence[int]) -> "Linear":
+        """The rows of the tables at some places, rising."""
+        rows = [np.arange(a, b) for k, (a, b) in enumerate(pairwise(self.starts)) if k in which]
+        mine = np.concatenate([*rows, np.zeros(0, np.int64)])
+        return replace(
+            self,
+            tables=tuple(self.tables[k] for k in which),
+            errors=self.errors[mine],
+            jacobian=self.jacobian[mine],
+            places=tuple(self.places[k] for k in which),
+        )
 
     def by_tables(self, stacked: Array) -> list[Array]:
         """Numbers (N, ...) of all rows as (m, rows, ...) of each table."""
-        shapes = [(len(t), t.row.residual_rows(t.dim)) for t in self.tables]
-        ends = np.cumsum([m * rows for m, rows in shapes])[:-1]
+        parts = (stacked[first:end] for first, end in pairwise(self.starts))
         return [
-            part.reshape(*shape, *stacked.shape[1:])
-            for part, shape in zip(np.split(stacked, ends), shapes, strict=True)
+            part.reshape(len(table), table.row.residual_rows(table.dim), *stacked.shape[1:])
+            for part, table in zip(parts, self.tables, strict=True)
         ]
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """Where the numbers of each table begin, and where the last ones end."""
+        return [0, *accumulate(len(t) * t.row.residual_rows(t.dim) for t in self.tables)]
+
+    @cached_property
+    def jacobians(self) -> list[sp.csr_array]:
+        """J of each table (m rows, unknowns)."""
+        whole, starts = self.jacobian, self.jacobian.indptr
+        return [
+            sp.csr_array(
+                (
+                    whole.data[starts[a] : starts[b]],
+                    whole.indices[starts[a] : starts[b]],
+                    starts[a : b + 1] - starts[a],
+                ),
+                shape=(b - a, whole.shape[1]),
+            )
+            for a, b in pairwise(self.starts)
+        ]
+
+    @cached_property
+    def blocks(self) -> tuple[IntArray, IntArray]:
+        """Columns and row starts of a matrix (N, N) by rows that has a block for each row of a table."""
+        columns, counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for table, first in zip(self.tables, self.starts[:-1], strict=True):
+            m, r = len(table), table.row.residual_rows(table.dim)
+            places = first + np.arange(m * r).reshape(m, 1, r)
+            columns.append(np.broadcast_to(places, (m, r, r)).ravel())
+            counts.append(np.full(m * r, r))
+        return np.concatenate(columns), np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+
+    @cached_property
+    def effects(self) -> "Effects":
+        """What one first guess of each systematic error does."""
+        return Effects.of(self.tables, self.places, self.columns)
 
     @property
     def names(self) -> Names:
@@ -65,10 +170,7 @@ class Linear:
     def groups(self) -> IntArray:
         """Which kind of error each column is (k,): the same term of the same sensor of any robot. `relative` terms of
         all sensors are of one kind."""
-        kinds = [
-            (c.term.name, *([] if c.term.relative else [self.tables[c.table].source, self.tables[c.table].model]))
-            for c in self.columns
-        ]
+        kinds = [(c.term.name, *([] if c.term.relative else self.at.tables[c.table].kind[:2])) for c in self.columns]
         known = {kind: number for number, kind in enumerate(dict.fromkeys(kinds))}
         return np.array([known[kind] for kind in kinds], np.int64)
 
@@ -82,7 +184,8 @@ def linear_at(at: AtMap) -> Linear:
     """The rows of a log at a map. Raises SolveError where they do not determine it."""
     free, names, values = at.gap.system.free, at.joined.names, at.values
     velocity = None if names.counts else velocities(values, free, names)
-    both = linearised(at.tables, values, held_at(at), names)
+    system = bare(at.tables, values, held_at(at), names)
+    both = [(system.whitened(k, values), system.jacobian(k, values)) for k in range(len(at.tables))]
     errors, jacobians, columns = [], [], []
     for place, (table, (error, jacobian)) in enumerate(zip(at.tables, both, strict=True)):
         rate = np.zeros_like(error) if velocity is None else -(jacobian @ velocity).reshape(error.shape)
@@ -92,12 +195,9 @@ def linear_at(at: AtMap) -> Linear:
                 columns.append(Column(term, place, effect, size, landmark))
         errors.append(error.ravel())
         jacobians.append(jacobian)
-    starts = np.cumsum([0, *map(len, errors)])
     whole = sp.csr_array(sp.vstack(jacobians))
-    return Linear(
-        at, tuple(at.tables), np.concatenate(errors), whole, tuple(columns),
-        _effects(columns, starts),
-    )  # fmt: skip
+    places = tuple(range(len(at.tables)))
+    return Linear(at, tuple(at.tables), np.concatenate(errors), whole, tuple(columns), system, places)
 
 
 def held_at(at: AtMap) -> IntArray:
@@ -106,23 +206,19 @@ def held_at(at: AtMap) -> IntArray:
     return np.asarray(keys[~at.gap.free.contains(keys)])
 
 
-def _effects(columns: Sequence[Column], starts: IntArray) -> sp.csc_array:
-    """What one first guess of each error does to all rows (N, k)."""
-    nothing, none = [np.zeros(0)], [np.zeros(0, np.int64)]
-    data = np.concatenate([c.size * c.effect.ravel() for c in columns] or nothing)
-    rows = np.concatenate([starts[c.table] + np.arange(c.effect.size) for c in columns] or none)
-    ends = np.cumsum([0, *(c.effect.size for c in columns)])
-    return sp.csc_array((data, rows, ends), shape=(int(starts[-1]), len(columns)))
-
-
 def linearised(
     tables: Sequence[Table], values: Values, held: IntArray, names: Names
 ) -> list[tuple[Array, sp.csr_array]]:
     """Residuals e (m, rows) and J = -de/dx (m rows, unknowns) of each table, unwhitened; what is `held` does not
     move."""
-    bare = [replace(t, whitening=np.eye(t.row.residual_rows(t.dim))[None], loss=SQUARED) for t in tables]
-    system = System(values.layout, tables=bare, fixed=held, names=names)
-    return [(system.whitened(k, values), system.jacobian(k, values)) for k in range(len(bare))]
+    system = bare(tables, values, held, names)
+    return [(system.whitened(k, values), system.jacobian(k, values)) for k in range(len(tables))]
+
+
+def bare(tables: Sequence[Table], values: Values, held: IntArray, names: Names) -> System:
+    """The problem of rows that are neither whitened nor under a loss; what is `held` does not move."""
+    stripped = [replace(t, whitening=np.eye(t.row.residual_rows(t.dim))[None], loss=SQUARED) for t in tables]
+    return System(values.layout, tables=stripped, fixed=held, names=names)
 
 
 def velocities(values: Values, free: Layout, names: Names) -> Array:

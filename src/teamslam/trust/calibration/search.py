@@ -14,12 +14,11 @@ import numpy as np
 
 from teamslam.geometry import Array, BoolArray
 from teamslam.joining.join.held_frame import SOURCE as CHOSEN
-from teamslam.model.losses import SQUARED
 from teamslam.model.sparse import sp
 from teamslam.trust.calibration.balance import balanced
 from teamslam.trust.calibration.choice import Choice
 from teamslam.trust.calibration.components import Components, Pulls
-from teamslam.trust.calibration.drawn import beside_drawn, by_chance
+from teamslam.trust.calibration.drawn import beside_drawn, by_chance, felt_by
 from teamslam.trust.calibration.fading import refined, settles
 from teamslam.trust.calibration.hidden import hidden
 from teamslam.trust.calibration.noise import Noise
@@ -30,6 +29,7 @@ from teamslam.trust.calibration.rows import Linear, is_sighting
 from teamslam.trust.calibration.sizes import Sizes, in_common
 from teamslam.trust.calibration.slipping import Scores
 from teamslam.trust.calibration.slips import SLIPS, Slips
+from teamslam.trust.calibration.steady import Steady
 from teamslam.trust.calibration.successive import Successive
 
 SWEEPS, SETTLED = 2, 0.02  # how many at most, until scales change by less than this share
@@ -64,7 +64,7 @@ class Search:
         self.lasting: Kinds = {}
         self.noise = white  # (N, DRAWS) of variance one, hanging together as errors do by now
         self.unseen: Mapping[int, BoolArray] = {}
-        self.now = stated
+        self.now = list(stated)
 
     def sweep(self) -> Fit:
         """All sweeps, or the first alone where it shows nothing wrong; the last fit."""
@@ -107,7 +107,9 @@ class Search:
 
     def balance(self, choice: Choice) -> None:
         """Odometry's scales and slips settled together (see `balance`), by a fit with some systematic errors let in."""
-        pulled = partial(self.pulled, choice)
+        if not self._slipping:
+            return
+        pulled = partial(self._pulled, self._steady(choice))
         self.scales, self.theta = balanced(self.slips, self.scales, self.theta, pulled, SLIPPING)
         self._move()
 
@@ -117,11 +119,28 @@ class Search:
         """How what is left pulls at components of odometry's noise, and the information of these, by a fit that weighs
         rows as the map will. How errors last is known roughly, and a map by rows that count in full follows what they
         do from one to the next; one by rows that count as what they say together does so less."""
-        self.scales, self.theta = list(scales), theta
+        found = self._pulled(self._steady(choice), components, scales, theta)
         self._move()
-        fit = self.fit(choice=choice)
-        pulls = Pulls.of(components, self.slips, self.now, scales, theta, self._left(fit))
-        return pulls, pulls.information(fit)
+        return found
+
+    def _pulled(
+        self, steady: Steady, components: Components, scales: Sequence[Array], theta: Array
+    ) -> tuple[Pulls, Array]:
+        self.scales, self.theta = list(scales), theta
+        self._move(self._slipping)
+        left = [np.zeros((0, 0, 1 + self.noise.shape[1]))] * len(self.now)
+        for k, each in zip(self._slipping, steady.leaves([self.now[k] for k in self._slipping]), strict=True):
+            left[k] = each
+        pulls = Pulls.of(components, self.slips, self.now, scales, theta, left)
+        return pulls, steady.information(pulls.along)
+
+    def _steady(self, choice: Choice) -> Steady:
+        return Steady(self.linear, self._slipping, choice, self.now, self.noise, self.left, self._roots())
+
+    @property
+    def _slipping(self) -> list[int]:
+        """The tables of which odometry's noise is settled."""
+        return [k for k, slip in enumerate(self.slips) if slip is not None]
 
     def _refine(self, choice: Choice) -> None:
         """How errors fade of which nearly all hang together, and scales beside it, until they settle (see `fading`);
@@ -156,11 +175,15 @@ class Search:
     def fit(self, *, tempered: bool = True, differing: bool = False, choice: Choice | None = None) -> Fit:
         """The fit by the noise as it is now, of rows `tempered` as they hang together and, if `differing`, by how those
         that follow each other do; with every systematic error let in, or a choice of them."""
+        return Fit.of(self.linear, self._roots(tempered), choice, self._differing() if differing else ())
+
+    def _roots(self, tempered: bool = True) -> list[Array]:
+        """w^1/2 W (m, r, r) of each table, tempered or not."""
         roots = []
         for noise, left, temper in zip(self.now, self.left, self.tempers, strict=True):
             root = np.sqrt(noise.weights(left))[..., None] * noise.whitening
             roots.append(root / temper[:, None, :] if tempered else root)
-        return Fit.of(self.linear, roots, choice, self._differing() if differing else ())
+        return roots
 
     def _differing(self) -> list[sp.csr_array | None]:
         """What takes the errors of each table to how those that follow each other differ, by its noise; None where they
@@ -179,20 +202,10 @@ class Search:
     def _left(self, fit: Fit, white: Array | None = None) -> list[Array]:
         """What a fit leaves (m, rows, 1 + draws) of the errors measured and of errors drawn, from `white` noise or from
         such as hangs together as errors do, table by table."""
-        errors = beside_drawn(self.linear, self.now, self.noise if white is None else white)
-        felt = self._felt(errors)
+        drawn = self.linear.by_tables(self.noise if white is None else white)
+        errors = beside_drawn(self.linear, self.now, drawn)
+        felt = felt_by(self.now, self.left, errors, self.linear)
         return self.linear.by_tables(fit.left(errors) if felt is None else fit.left(felt) + (errors - felt))
-
-    def _felt(self, errors: Array) -> Array | None:
-        """Errors (N, 1 + draws) as a fit feels them: rows weigh as those measured do, and one drawn pulls by what its
-        own loss weighs it by, w(e) e = w(measured) felt. None where no loss forgives."""
-        if all(noise.table.loss == SQUARED for noise in self.now):
-            return None
-        felt = errors.copy()
-        for noise, left, each in zip(self.now, self.left, self.linear.by_tables(felt), strict=True):
-            if noise.table.loss != SQUARED:
-                each[..., 1:] *= (noise.weights(each[..., 1:]) / noise.weights(left))[:, None]
-        return felt
 
     def _hanging(self) -> Array:
         """White noise made to hang together as errors do by now."""
@@ -211,10 +224,12 @@ class Search:
         self.theta = Scores.of(self.slips, self.now, both).step(self.theta, chance)
         self.scales = self._seen(self._scales(both))
 
-    def _move(self) -> None:
-        """The noise by the scales and slips as they are now."""
-        parts = zip(self.stated, self.scales, self.slips, strict=True)
-        self.now = [noise.scaled(scale, slips, self.theta) for noise, scale, slips in parts]
+    def _move(self, which: Sequence[int] | None = None) -> None:
+        """The noise by the scales and slips as they are now, of all tables or of some."""
+        now = list(self.now)
+        for k in range(len(now)) if which is None else which:
+            now[k] = self.stated[k].scaled(self.scales[k], self.slips[k], self.theta)
+        self.now = now
 
     def _scales(self, both: Sequence[Array]) -> list[Array]:
         """Scales (rows,) such that draws would leave as much as is left (see `sizes`)."""
@@ -230,7 +245,7 @@ class Search:
         )  # something is right as it is stated
 
     def _sizes_of(self, members: Sequence[int], both: Sequence[Array]) -> Sizes:
-        squares = np.stack([np.mean(self.now[k].sizes(both[k])[self.moving[k]] ** 2, 0) for k in members])
+        squares = np.stack([self.now[k].squares(both[k], self.moving[k]) for k in members])
         scales, rows = np.stack([self.scales[k] for k in members]), np.array([self.moving[k].sum() for k in members])
         least = LEFT if is_sighting(self.linear.tables[members[0]]) else 0.0
         return Sizes.of(squares, scales, rows, least)

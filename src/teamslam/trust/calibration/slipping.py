@@ -13,6 +13,7 @@ import numpy as np
 
 from teamslam.geometry import Array
 from teamslam.trust.calibration.noise import Noise
+from teamslam.trust.calibration.products import by_rows
 from teamslam.trust.calibration.sizes import LEAST
 from teamslam.trust.calibration.slips import SLIPS, Slips
 
@@ -64,9 +65,10 @@ class Scores:
 def squares_of_rows(slips: Slips, noise: Noise, errors: Array) -> Array | None:
     """l_i' B_ik l_i (slips, m, 1 + draws) of what is left of errors (m, rows, 1 + draws), measured and drawn, of rows
     under way; None where the map takes up all of a part of them."""
-    squares = np.mean(noise.sizes(errors)[slips.moving] ** 2, 0)
+    squares = noise.squares(errors, slips.moving)
     if squares[:, 1:].mean(-1).min() * len(errors) < LEAST:
         return None
     even = errors * np.sqrt(squares.mean(-1, keepdims=True) / np.maximum(squares, 1e-300))
-    pull = np.swapaxes(noise.whitening, 1, 2) @ (noise.whitening @ even)
-    return np.asarray(np.sum(pull * (slips.units @ pull), 2) * slips.moving[:, None])
+    pull = by_rows(np.swapaxes(noise.whitening, 1, 2), by_rows(noise.whitening, even))
+    moved = [np.einsum("mrk,mrk->mk", pull, by_rows(unit, pull)) for unit in slips.units]
+    return np.asarray(np.stack(moved) * slips.moving[:, None])
