@@ -83,7 +83,7 @@ def test_an_error_under_json_leaves_stdout_empty(teamslam) -> None:
 
 def test_verbose_names_the_stages_of_a_run(teamslam, place: Path, tmp_path: Path) -> None:
     said = teamslam("run", place / "log", "--out", tmp_path / "run", "--no-figures", "-v").err
-    for stage in ("reading", "building submaps", "joining submaps", "verdict on the fit", "covariances"):
+    for stage in ("reading", "building submaps", "joining submaps", "verdict on the fit", "score"):
         assert f"{stage} ..." in said
 
 

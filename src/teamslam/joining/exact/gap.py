@@ -9,7 +9,7 @@ one solve, since sums over robots are sums.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,18 @@ from teamslam.joining.join.join import Exactness
 from teamslam.model import Layout, Submap, Table, Values, is_parameter
 from teamslam.solver import Factor, System
 from teamslam.solver.linear import Matrix, in_sigmas
+
+
+@dataclass(frozen=True, eq=False)
+class Inverted:
+    """The inverse of a matrix by its `factor`, with blocks that are found once for all who ask."""
+
+    factor: Factor = field(repr=False)
+
+    @cached_property
+    def marginals(self) -> list[tuple[IntArray, Array]]:
+        """The blocks of all variables (see `Factor.marginals_by_size`)."""
+        return self.factor.marginals_by_size()
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +47,15 @@ class Gap:
     factor: Factor
 
     @cached_property
-    def marginals(self) -> list[tuple[IntArray, Array]]:
-        """The covariances of all variables there (see `Factor.marginals_by_size`), found once for all who ask."""
-        return self.factor.marginals_by_size()
+    def covariance(self) -> Inverted:
+        """That of all variables there."""
+        return Inverted(self.factor)
 
     def farthest(self, shift: Array, layout: Layout) -> float:
         """The longest of some variables' shifts (dof,), each in its own standard deviations."""
         everywhere = np.zeros(self.free.dof)
         everywhere[self.free.unknowns(layout.keys)] = shift
-        return float(in_sigmas(everywhere, self.free, self.marginals).max(initial=0.0))
+        return float(in_sigmas(everywhere, self.free, self.covariance.marginals).max(initial=0.0))
 
     def exactness(self, *, join_shift_sigma: float = 0.0, rounds: int, bytes: int) -> Exactness:
         """The account of a map that ends here, after so many rounds and bytes."""

@@ -23,7 +23,7 @@ import numpy as np
 from teamslam.errors import SolveError
 from teamslam.geometry import Array, BoolArray, IntArray
 from teamslam.joining import AtMap
-from teamslam.joining.exact.gap import Gap, frame_of
+from teamslam.joining.exact.gap import Inverted, frame_of
 from teamslam.model import WORLD, Layout, Names, Submap, Table, Values
 from teamslam.solver import Factor, Matrix, SubmapTerm, System
 from teamslam.trust.weak.motions import Motions, turns
@@ -50,10 +50,10 @@ class Inverse(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class InFrame:
-    """The covariance in the frame of a variable that does not move, by the problem of all others: `unknowns` among
-    those of all, and `places` in the layout of all."""
+    """The covariance in the frame of a variable that does not move, by that `of_others`: their `unknowns` among those
+    of all, and their `places` in the layout of all."""
 
-    gap: Gap
+    of_others: Inverted
     unknowns: IntArray
     places: IntArray
 
@@ -63,12 +63,12 @@ class InFrame:
     def solve(self, right: Array) -> Array:
         """C right."""
         out = np.zeros_like(right)
-        out[self.unknowns] = self.gap.factor.solve(right[self.unknowns])
+        out[self.unknowns] = self.of_others.factor.solve(right[self.unknowns])
         return out
 
     def marginals_by_size(self) -> list[tuple[IntArray, Array]]:
         """The blocks of C, but those of what does not move: they are zero."""
-        return [(self.places[at], blocks) for at, blocks in self.gap.marginals]
+        return [(self.places[at], blocks) for at, blocks in self.of_others.marginals]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ def knowledge_at(at: AtMap) -> Knowledge:
     if len(frame_of(at.joined)):
         frame = _orthonormal(motions.of_the_whole, motions.weight, frame)
     unknowns = values.layout.unknowns(gap.free.keys)
-    covariance = InFrame(gap, unknowns, np.asarray(values.layout.index(gap.free.keys)))
+    covariance = InFrame(gap.covariance, unknowns, np.asarray(values.layout.index(gap.free.keys)))
     known = Knowledge(values, at.joined.names, motions, frame, np.zeros((len(motions.weight), 0)), covariance)
     told = np.zeros(values.layout.dof)
     told[unknowns] = gap.hessian.diagonal()
