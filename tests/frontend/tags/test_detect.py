@@ -45,9 +45,9 @@ def test_an_image_without_tags_has_none():
 
 @pytest.mark.parametrize("blur", [0.8, 1.2, 1.8])
 def test_edges_are_as_wide_as_they_were_blurred(blur):
-    tags = {3: square((90, 90), 110, 0.3), 5: square((230, 90), 100, 1.0)}
+    tags = {3: square((90, 90), 110, 0.3), 5: square((270, 90), 100, 1.0)}
     corners = np.array(list(tags.values()))
-    widths = edge_widths(picture(tags, (320, 180), blur=blur, noise=2.0), corners)
+    widths = edge_widths(picture(tags, (360, 180), blur=blur, noise=2.0), corners)
     assert np.allclose(widths, np.hypot(blur, NARROWEST), rtol=0.1)  # the law of edge_widths
 
 
