@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SHOWN = 4  # names of a folder's content in a message
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")
 LOOKED_AT = 50  # entries of a folder that are looked at whether one of them is a log
 
 
@@ -70,12 +71,16 @@ def _folder(path: Path, fits: Callable[[Path], Iterable[str]]) -> str:
         if signs and missing:
             return f"it looks like {family.name} ({_listed(signs)}), but has no {' and no '.join(missing)}"
     inner = [name for name in names[:LOOKED_AT] if next(iter(fits(path / name)), None)]
+    if not inner and (shown := [name for name in names if Path(name).suffix.lower() in PICTURES]):
+        return f"the folder holds images ({_listed(shown)}){_filmed(path, '*' + Path(shown[0]).suffix)}"
     if inner:
         return f"the folder is none, but {_listed(inner)} in it is; give that"
     return f"found a folder with {_listed(names)}"
 
 
 def _file(path: Path, fits: Callable[[Path], Iterable[str]]) -> str:
+    from teamslam.io.bags.videos import is_video
+
     with path.open("rb") as file:
         start = file.read(200)
     if not start:
@@ -86,12 +91,22 @@ def _file(path: Path, fits: Callable[[Path], Iterable[str]]) -> str:
     for family in FAMILIES:
         if family.signs.fullmatch(path.name) and next(iter(fits(path.parent)), None):
             return f"the file is a part of {family.name}; give the folder {path.parent}"
+    if is_video(path):
+        return f"the file is a video{_filmed(path, '*')}"
     if path.suffix == ".csv":
         return "a CSV by itself does not say who measured what: put it into a folder with a team.toml (docs/formats.md)"
     if b"\0" in start:
         return "the file is binary"
     words = start.decode(errors="replace").split()
     return f"the file begins with '{' '.join(words)[:60]}'" if words else "the file begins with blank lines"
+
+
+def _filmed(path: Path, pattern: str) -> str:
+    """How images come into a team file."""
+    return (
+        f"; tags are looked for in its images where a team file (docs/recordings.md) names it: "
+        f"[[robot]] recording = '{path.name}', [[robot.camera]] images = '{pattern}'"
+    )
 
 
 def _listed(names: list[str]) -> str:

@@ -130,7 +130,7 @@ def test_tags_seen_too_seldom_or_mended_too_much_are_counted(team, tmp_path):
     assert not np.isin(
         np.concatenate([t.keys[:, -1] for t in log.tables if t.source == "landmarks"]), [0, 1, 2, 3]
     ).any()
-    with pytest.raises(InputError, match="no tag was seen in any image"):
+    with pytest.raises(InputError, match="no sighting of a tag is left"):
         ts.read(wrong(team, tmp_path, "size_m = 0.14", "size_m = 0.14\nfewest = 1000"))
 
 

@@ -49,11 +49,13 @@ class Message:
 @dataclass(eq=False)
 class Recording:
     """An open recording, of one part or several: `paths` as they were named. `topics` maps each name to its types and
-    how many messages there should be."""
+    how many messages there should be. `unstamped`: those, of the read ones, whose messages have headers without a time,
+    so that when they were recorded stands for it."""
 
     paths: tuple[Path, ...]
     topics: dict[str, tuple[tuple[str, ...], int]]
     _readers: "tuple[AnyReader, ...]"
+    unstamped: set[str] = field(default_factory=set)
     _lost: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -83,6 +85,8 @@ class Recording:
             for connection, received, raw in reader.messages(wanted):
                 read += 1
                 stamp = _stamp(raw, is2=reader.is2) if headed[connection.msgtype] else 0
+                if headed[connection.msgtype] and not stamp:
+                    self.unstamped.add(connection.topic)
                 yield Message(connection.topic, connection.msgtype, stamp or received, received, bytes(raw), part)
         except (GeneratorExit, KeyboardInterrupt, InputError):
             raise

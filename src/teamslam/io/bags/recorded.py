@@ -46,6 +46,13 @@ def seen_by(entry: RobotEntry, folder: Path, team: TeamFile, progress: Progress 
                 dropped += deep.dropped
                 notes.append(deep.note)
         dropped += [Dropped(d.count, f"robot {entry.name}: {d.reason}") for d in recording.dropped]
+        read = [entry.odometry, entry.truth, *(camera.tags or camera.images for camera in entry.camera)]
+        notes += [
+            f"robot {entry.name}: messages of {topic} have no time in their headers; that at which they were recorded "
+            f"stands for it, which is later by as long as they took"
+            for topic in dict.fromkeys(read)
+            if topic in recording.unstamped
+        ]
         return Seen(entry, track, truth, tuple(views), tuple(dropped), tuple(notes))
 
 

@@ -102,10 +102,14 @@ class Seen:
         """The detections that count, with their tags; the others are counted."""
         who, carried = self.entry.name, team.carried()
         views = []
+        own = [number for number, tag in carried.items() if tag.is_robot and tag.carrier == who]
         for view in self.views:
             ids, where = view.corners.ids, f"robot {who}, camera {view.entry.name}: sightings of tags"
             ignored = np.isin(ids, team.tags.ignore)
             book.drop(ignored, f"{where} that the team file ignores")
+            itself = ~ignored & np.isin(ids, own)
+            book.drop(itself, f"{where} that it carries itself")
+            ignored = ignored | itself
             mended = ~ignored & (view.corners.hamming > team.tags.most_mended)
             book.drop(mended, f"{where} of which more than {team.tags.most_mended} bits were wrong")
             twice = ~ignored & ~mended & _twice(view)
@@ -133,8 +137,6 @@ class Seen:
             why = f"seen in fewer than {team.tags.fewest} images: a misread, or too little to map it"
             book.dropped.append(Dropped(rare, f"robot {who}: sightings of tag {int(number)}, {why}"))
         views = [v.select(~np.isin(v.corners.ids, few)) for v in views]
-        own = {number for number, tag in carried.items() if tag.is_robot and tag.carrier == who}
-        views = [v.select(~np.isin(v.corners.ids, list(own))) for v in views]
         told = [tuple(carried.get(n) or Tag(n, team.size_of(n), str(n)) for n in v.corners.ids.tolist()) for v in views]
         return replace(self, views=tuple(replace(v, tags=t) for v, t in zip(views, told, strict=True)))
 

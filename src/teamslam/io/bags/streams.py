@@ -97,6 +97,9 @@ def read_corners(recording: Recording, topic: str) -> TagCorners:
             if square.shape != (4, 2) or not (np.abs(square) < FARTHEST_PIXEL).all():
                 recording.lose(1, f"of {topic}: a tag whose corners are not four points of an image")
                 continue
+            if tag.id < 0:
+                recording.lose(1, f"of {topic}: a tag with a number below 0")
+                continue
             frame.append(len(frames))
             ids.append(int(tag.id))
             corners.append(square - shift)
@@ -150,7 +153,8 @@ def _posed(tag: Any) -> tuple[int | None, list[float], float]:
         number, size = None if digits is None or len(digits) > 9 else int(digits), float(tag.bbox.size.x)
     else:
         pose = tag.pose.pose.pose
-        number, size = (int(tag.id[0]), float(tag.size[0])) if len(tag.id) == len(tag.size) == 1 else (None, 0.0)
+        one = len(tag.id) == len(tag.size) == 1 and tag.id[0] >= 0
+        number, size = (int(tag.id[0]), float(tag.size[0])) if one else (None, 0.0)
     return number, seven_of(pose.position, pose.orientation), size
 
 

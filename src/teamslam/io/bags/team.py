@@ -47,6 +47,7 @@ from teamslam.model import (
     pose_kind,
 )
 
+REASONS = 6  # why there is no sighting, that are told
 TRUTH_GAP_S = 0.2  # between two true poses, beyond which there is no truth
 
 
@@ -75,6 +76,7 @@ def read(path: Path, options: Mapping[str, object] | None = None, progress: Prog
     told = tuple(robot.with_tags(team, book) for robot in seen)
     looked = looks_of(told)
     book.notes += leaning(told, looked)
+    book.notes += _unseen(told, team)
     recordings = Recordings(team, path, told, stated_in(team, told), tuple(book.dropped), tuple(book.notes))
     return recordings.log(first_guess(told, recordings.stated, looked))
 
@@ -115,7 +117,7 @@ class Recordings:
             tables += way if robot.track is not None else way_of(robot, number, keyframes[number], book)
             tables += renamed(seen, robot, team, keyframes) if places else seen
         if not any(table.source != "odometry" for table in tables):
-            raise InputError("no tag was seen in any image; check topics and calibrations", path=self.path)
+            raise InputError(self._without_sightings, path=self.path)
         landmarks = called | {landmark_number(entry.name): entry.name for entry in file.landmark}
         names = Names({number: name for name, number in numbers.items() if name != str(number)}, landmarks)
         log = Dataset(
@@ -128,6 +130,19 @@ class Recordings:
             unknowns=Reading(self, values, tuple(tables), file, tuple(team), tuple(named), keyframes, by_visits),
         )
         return replace(log, truth=_truth(team, file, log, {}))
+
+    @property
+    def _without_sightings(self) -> str:
+        """Why no sighting is there: what was left out, most first, and what was looked for."""
+        families = ", ".join(self.file.tags.families)
+        looked = any(camera.images for robot in self.file.robot for camera in robot.camera)
+        sought = f" (families: {families})" if looked else ""
+        if not self.dropped:
+            return f"no tag was seen in any image{sought}; check topics{', families' * looked} and calibrations"
+        most = sorted(self.dropped, key=lambda d: -d.count)
+        told = "; ".join(f"{d.count}: {d.reason}" for d in most[:REASONS])
+        more = f"; and {len(most) - REASONS} reasons more" if len(most) > REASONS else ""
+        return f"no sighting of a tag is left{sought}. Left out were {told}{more}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +215,16 @@ class Reading:
     @property
     def _loss(self) -> Loss:
         return Loss(self.file.tags.loss, self.file.tags.loss_scale)
+
+
+def _unseen(team: Sequence[Seen], file: TeamFile) -> list[str]:
+    """A sentence on each landmark of several tags of which nobody saw one: its numbers may be others."""
+    seen = {tag.carrier for robot in team for view in robot.views for tag in view.tags}
+    return [
+        f"landmark {entry.name}: nobody saw a tag of it ({', '.join(str(tag.number) for tag in entry.tag)})"
+        for entry in file.landmark
+        if entry.name not in seen
+    ]
 
 
 def _by_visits(sightings: Sequence[Table], by_way: Sequence[Place]) -> list[Place]:

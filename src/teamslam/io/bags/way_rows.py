@@ -73,6 +73,16 @@ def _told(robot: Seen, steps: Steps, ticks: IntArray, noise: WayNoise) -> list[s
         at = ", ".join(f"{(tick - robot.track.ticks.min()) / TICKS_PER_S:.2f} s" for tick in steps.jumps[:8].tolist())
         more = f" and {len(steps.jumps) - 8} more" if len(steps.jumps) > 8 else ""
         notes.append(f"{who}: odometry jumped {len(steps.jumps)} times, at {at}{more} after its start; {model} there")
-    if steps.missing:
+    track = robot.track.ticks
+    if len(track) and len(ticks) and (track.max() < ticks[0] or track.min() > ticks[-1]):
+        notes.append(
+            f"{who}: its odometry is stamped {_span(track)}, and sightings {_span(ticks)}, so that it says nothing of "
+            f"them; {model} throughout. Are these stamps by different clocks?"
+        )
+    elif steps.missing:
         notes.append(f"{who}: odometry is missing in {steps.missing} of {len(ticks) - 1} steps; {model} there")
     return notes
+
+
+def _span(ticks: IntArray) -> str:
+    return f"{ticks.min() / TICKS_PER_S:.1f} s to {ticks.max() / TICKS_PER_S:.1f} s"
