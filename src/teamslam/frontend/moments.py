@@ -105,6 +105,8 @@ def _width(steps: Array, weight: Array) -> int:
     tried = np.unique(np.round(np.geomspace(least, most, TRIED)).astype(np.int64))
     k = np.arange(most, len(weight) - most)
     k = k[weight[k] > 0.0]
+    if not len(k):
+        return least  # all of it jumped, or none was driven in time
     driven, time = _until(steps), _until(weight)
     found = steps[k] / weight[k, None]
     missed = []

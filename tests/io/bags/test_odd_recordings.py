@@ -150,3 +150,40 @@ def test_images_by_themselves_are_told_where_they_go(tmp_path):
     film.release()
     with pytest.raises(InputError, match=r"is a video; .*recording = 'walk\.avi', .*images = '\*'"):
         ts.read(tmp_path / "walk.avi")
+
+
+def test_odometry_in_millimetres_is_a_way_that_jumps_all_along(tmp_path):
+    """It says nothing, and a map is made without it."""
+    stamps = [START + k * 10**8 for k in range(60)]
+    messages = [recordings.odometry("/odom", at, (2000.0 * k, 0, 0)) for k, at in enumerate(stamps)]
+    messages += [recordings.detections("/tags", at, [(n, c + 0.5) for n, c in TAGS.items()]) for at in stamps]
+    log = ts.read(team(tmp_path, messages))
+    assert any("jumped 59 times" in note for note in log.notes)
+    assert len(ts.run(log).landmarks) == len(TAGS)
+
+
+def test_corners_that_enclose_nothing_are_no_tag(tmp_path):
+    point = np.tile([[40.0, 80.0]], (4, 1))
+    log = ts.read(team(tmp_path, [*driven(), *detected({**TAGS, 9: point})]))
+    assert counted(log) == {"robot one: messages of /tags: a tag whose corners enclose nothing": COUNT}
+
+
+def test_corners_that_go_round_the_wrong_way_are_told(tmp_path):
+    log = ts.read(team(tmp_path, [*driven(), *detected({3: TAGS[3][::-1], 8: TAGS[8]})]))
+    (note,) = [note for note in log.notes if "wrong way" in note]
+    assert note.startswith(f"robot one, camera front: the corners of {COUNT} of {2 * COUNT} sightings")
+
+
+def test_images_with_one_stamp_are_told(tmp_path):
+    seen = [recordings.detections("/tags", START, [(3, TAGS[3] + 0.5)], START + k) for k in range(3)]
+    log = ts.read(team(tmp_path, [*driven(), *seen, *detected()]))
+    assert f"robot one, camera front: 3 of {COUNT + 3} images have the stamp of another" in log.notes
+
+
+@pytest.mark.parametrize("old", ['name = "one"', 'name = "box"'])
+def test_a_name_that_is_empty_is_refused(old, tmp_path):
+    box = '[[landmark]]\nname = "box"\n[[landmark.tag]]\nnumber = 8\n'
+    path = team(tmp_path, [*driven(), *detected()], more=box)
+    path.write_text(path.read_text().replace(old, 'name = " "'))
+    with pytest.raises(InputError, match=r"a (robot|landmark) has a name"):
+        ts.read(path)

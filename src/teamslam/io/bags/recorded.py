@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
+from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.bent import straightened
 from teamslam.frontend.tags.camera import Camera
 from teamslam.frontend.tags.detect import Looking, of_one_family
@@ -20,7 +21,7 @@ from teamslam.io.bags.opened import Recording, is_recording, opened
 from teamslam.io.bags.pictures import Pictures, pictures_of_folder, pictures_of_topic
 from teamslam.io.bags.roles import ROLES
 from teamslam.io.bags.seen import Seen, View
-from teamslam.io.bags.streams import read_corners, read_tag_poses, read_track
+from teamslam.io.bags.streams import enclosed, read_corners, read_tag_poses, read_track
 from teamslam.io.bags.team_file import CameraEntry, RobotEntry, TeamFile
 from teamslam.io.bags.videos import is_video, pictures_of_video
 from teamslam.model import Dropped
@@ -69,7 +70,8 @@ def _seen_by_camera(
     if camera.tags and _role(recording, camera.tags) == "tag poses":
         return _implied(entry, camera, known, read_tag_poses(recording, camera.tags), team)
     if camera.tags:
-        return _Look(View(camera, known, read_corners(recording, camera.tags)), [], "")
+        corners = read_corners(recording, camera.tags)
+        return _Look(View(camera, known, corners), [], _askew(corners, f"robot {entry.name}, camera {camera.name}"))
     pictures = pictures_of_topic(recording, camera.images)
     return _look(entry, camera, known, pictures, team.tags.looking(), progress)
 
@@ -173,6 +175,18 @@ class _Look:
     view: View
     dropped: list[Dropped]
     note: str
+
+
+def _askew(seen: TagCorners, who: str) -> str:
+    """A sentence where corners that a detector told go round the wrong way; else nothing."""
+    wrong = int(np.count_nonzero(enclosed(seen.corners) < 0.0))
+    if not wrong:
+        return ""
+    return (
+        f"{who}: the corners of {wrong} of {len(seen)} sightings go round the wrong way (right is: bottom left, bottom "
+        f"right, top right, top left), so that these tags seem to be seen from behind; does the detector name corners "
+        f"in another order, or are images mirrored?"
+    )
 
 
 def _role(recording: Recording, topic: str) -> str:

@@ -122,6 +122,10 @@ class Seen:
             early = ~ignored & ~mended & ~outside & (view.ticks < 0)
             book.drop(early, f"{where} in images that were exposed before 0 s, since they are stamped late (delay_s)")
             views.append(view.select(~ignored & ~mended & ~outside & ~early))
+            images = view.corners.frames
+            if again := len(images) - len(np.unique(images)):
+                camera = f"robot {who}, camera {view.entry.name}"
+                book.notes.append(f"{camera}: {again} of {len(images)} images have the stamp of another")
         ids = np.concatenate([np.zeros(0, np.int64), *(v.corners.ids for v in views)])
         bodies = Counter(carried[n].carrier if n in carried else str(n) for n in ids.tolist())
         few = np.array(

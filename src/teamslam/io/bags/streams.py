@@ -24,6 +24,7 @@ HALF_PIXEL = {"apriltag_msgs/msg/AprilTagDetectionArray", "isaac_ros_apriltag_in
 
 FARTHEST_PIXEL = 1e6
 FARTHEST_TAG_M = 1e3
+LEAST_PX2 = 1.0  # that a tag's corners enclose
 
 
 def read_track(recording: Recording, topic: str) -> Track:
@@ -97,6 +98,9 @@ def read_corners(recording: Recording, topic: str) -> TagCorners:
             if square.shape != (4, 2) or not (np.abs(square) < FARTHEST_PIXEL).all():
                 recording.lose(1, f"of {topic}: a tag whose corners are not four points of an image")
                 continue
+            if np.abs(enclosed(square)) < LEAST_PX2:
+                recording.lose(1, f"of {topic}: a tag whose corners enclose nothing")
+                continue
             if tag.id < 0:
                 recording.lose(1, f"of {topic}: a tag with a number below 0")
                 continue
@@ -114,6 +118,13 @@ def read_corners(recording: Recording, topic: str) -> TagCorners:
         np.array(hamming, np.int64),
         tuple(families),
     )
+
+
+def enclosed(corners: Array) -> Array:
+    """The area of quadrilaterals (..., 4, 2) [pixels^2]: above 0 where their corners go round as those of the AprilTag
+    library do, from the bottom left by the bottom right."""
+    one, other = corners[..., 2, :] - corners[..., 0, :], corners[..., 3, :] - corners[..., 1, :]
+    return np.asarray(0.5 * (one[..., 1] * other[..., 0] - one[..., 0] * other[..., 1]))
 
 
 def read_tag_poses(recording: Recording, topic: str) -> TagPoses:

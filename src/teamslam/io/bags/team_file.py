@@ -288,6 +288,9 @@ def _check(team: TeamFile) -> None:
     names = [robot.name for robot in team.robot]
     if len(set(names)) < len(names):
         raise InputError(f"two robots are called {max(names, key=names.count)}", field="robot.name")
+    for kind, called in (("robot", names), ("landmark", [landmark.name for landmark in team.landmark])):
+        if not all(name.strip() for name in called):
+            raise InputError(f"a {kind} has a name; this one's is empty", field=f"{kind}.name")
     team.tags.looking()
     sizes = [team.tags.size_m, *team.tags.sizes_m.values(), *(tag.size_m for tag in team.carried().values())]
     if not all(0.0 < size < np.inf for size in sizes):
