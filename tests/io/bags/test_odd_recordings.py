@@ -187,3 +187,26 @@ def test_a_name_that_is_empty_is_refused(old, tmp_path):
     path.write_text(path.read_text().replace(old, 'name = " "'))
     with pytest.raises(InputError, match=r"a (robot|landmark) has a name"):
         ts.read(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [("image_every_s = 0.0", "image_every_s = nan", r"'robot\[0\].image_every_s'.*number, found nan"),
+     ("image_every_s = 0.0", "image_every_s = inf", r"'robot\[0\].image_every_s'.*number, found inf"),
+     ("xyz_m = [0.0", "xyz_m = [nan", r"'robot\[0\].camera\[0\].xyz_m\[0\]'.*number, found nan"),
+     ("dim = 2", "dim = 2\nmotion = { speed_m_s = -1.0 }", "'robot.motion'.*speeds of robot one are above 0"),
+     ("dim = 2", "dim = 2\nmotion = { slip_m = -1.0 }", "'robot.motion'.*0 or more"),
+     ("dim = 2", "dim = 2\nmotion = { slip_m = 0.0, drift_m = 0.0 }", "'robot.motion'.*odometry errs"),
+     ("size_m = 0.16", "size_m = 0.16\nsizes_m = { seven = 0.3 }", "'tags.sizes_m'.*found 'seven'")],
+)  # fmt: skip
+def test_what_can_be_no_number_is_refused_by_its_field(old, new, words, tmp_path):
+    path = team(tmp_path, [*driven(), *detected()])
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError, match=words):
+        ts.read(path)
+
+
+def test_a_speed_that_nothing_exceeds_is_one(tmp_path):
+    path = team(tmp_path, [*driven(), *detected()])
+    path.write_text(path.read_text().replace("dim = 2", "dim = 2\nmotion = { fastest_m_s = inf }"))
+    assert not ts.read(path).dropped

@@ -268,7 +268,10 @@ def is_team_file(path: Path) -> bool:
 
 def read_team_file(path: Path) -> TeamFile:
     """The team file at a path. InputError names the field that is wrong."""
-    team = converted(read_toml(path), TeamFile, path=path)
+    read = read_toml(path)
+    if wrong := next(_no_numbers(read), None):
+        raise InputError(f"expected a number, found {wrong[1]}", path=path, field=wrong[0])
+    team = converted(read, TeamFile, path=path)
     try:
         _check(team)
     except InputError as error:
@@ -293,6 +296,8 @@ def _check(team: TeamFile) -> None:
             raise InputError(f"a {kind} has a name; this one's is empty", field=f"{kind}.name")
     team.tags.looking()
     sizes = [team.tags.size_m, *team.tags.sizes_m.values(), *(tag.size_m for tag in team.carried().values())]
+    if unnamed := next((name for name in team.tags.sizes_m if not name.isdecimal()), None):
+        raise InputError(f"edges of tags go by their numbers, found '{unnamed}'", field="tags.sizes_m")
     if not all(0.0 < size < np.inf for size in sizes):
         raise InputError("the edge of a tag is above 0 [m]", field="tags.size_m")
     if not all(_sigmas(*msgspec.structs.astuple(tag.sigma)) for _, _, tag in team.bodies()):
@@ -306,6 +311,7 @@ def _check(team: TeamFile) -> None:
             raise InputError(f"a robot moves in the plane (2) or in space (3), found {robot.dim}", field="robot.dim")
         if robot.dim == 2 and robot.odometry is None:
             raise InputError(f"robot {robot.name} moves on the ground and needs odometry", field="robot.odometry")
+        _check_motion(robot)
         if robot.image_every_s < 0.0:
             raise InputError("image_every_s is 0 or more", field="robot.image_every_s")
         clock = robot.clock
@@ -337,6 +343,29 @@ def _check(team: TeamFile) -> None:
                 raise InputError("depth_floor is a share, from 0 to 1", field="robot.camera.depth_floor")
             if not (camera.floor_px >= 0.0 and camera.edge_px >= 0.0 and camera.floor_px + camera.edge_px > 0.0):
                 raise InputError("floor_px and edge_px are 0 or more, and not both 0", field="robot.camera.floor_px")
+
+
+def _no_numbers(read: object, field: str = "") -> Iterator[tuple[str, float]]:
+    """Fields that hold what is no number, or none that ends; speeds that nothing exceeds may be such."""
+    if isinstance(read, dict):
+        for name, value in read.items():
+            yield from _no_numbers(value, f"{field}.{name}" if field else str(name))
+    elif isinstance(read, list):
+        for k, value in enumerate(read):
+            yield from _no_numbers(value, f"{field}[{k}]")
+    elif isinstance(read, float) and not np.isfinite(read) and not ("fastest" in field and read > 0.0):
+        yield field, read
+
+
+def _check_motion(robot: RobotEntry) -> None:
+    """InputError where what is stated of a robot's motion can be none."""
+    motion = robot.motion
+    if not min(motion.speed_m_s, motion.turn_rad_s, motion.fastest_m_s, motion.fastest_rad_s) > 0.0:
+        raise InputError(f"speeds of robot {robot.name} are above 0", field="robot.motion")
+    if min(motion.drift_m, motion.slip_m, motion.drift_rad, motion.slip_rad) < 0.0:
+        raise InputError(f"drift and slip of robot {robot.name} are 0 or more", field="robot.motion")
+    if not (motion.drift_m + motion.slip_m > 0.0 and motion.drift_rad + motion.slip_rad > 0.0):
+        raise InputError(f"of drift and slip of robot {robot.name} one is above 0: odometry errs", field="robot.motion")
 
 
 def _sigmas(*numbers: float | None) -> bool:
