@@ -11,8 +11,9 @@ from teamslam.geometry import Pose
 from teamslam.sim.film import PRESETS, Options, film
 from teamslam.sim.film.boards import PER_SIDE, Board, tag_picture
 from teamslam.sim.film.develop import Sensor, develop
+from teamslam.sim.film.lens import gathered
 from teamslam.sim.film.render import Renderer
-from teamslam.sim.film.shutter import MAGIC, Shutter
+from teamslam.sim.film.shutter import FINE, THIRDS, Shutter
 from teamslam.sim.film.stage import CAMERA, FACE_TAG_M, TAG_M
 
 MADE = film(PRESETS["ideal"], 4)
@@ -83,7 +84,7 @@ def _turning(robot, t):
 
 
 def test_a_moving_edge_is_smeared_about_its_middle():
-    assert (MAGIC.sum(0) == 15).all() and (MAGIC.sum(1) == 15).all() and sorted(MAGIC.ravel()) == list(range(1, 10))
+    assert (np.sort(THIRDS, 0).T == range(FINE)).all() and (np.sort(THIRDS, 1) == range(FINE)).all()
     turning = [v for v in views("wall", 30) if abs(_turning(v[0], v[1])) > 0.5]
     robot, t, number = turning[len(turning) // 3]
     sharp, smeared = seen(robot, t), seen(robot, t, Shutter(0.012, 0.0))
@@ -117,7 +118,7 @@ def test_the_same_seed_is_the_same_film():
 
 
 def test_grey_values_err_as_the_sensor_says():
-    flat = np.full((200, 200), 0.4)
+    flat = np.full((600, 600), 0.4)
     sensor = Sensor(blur_px=0.0, vignetting=0.0, brightness=1.0, breathing=0.0, read=2.0, shot=0.1)
     image = develop(flat, sensor, 0.0, np.random.default_rng(0)).astype(float)
     assert abs(image.mean() - 102.0) < 0.1
@@ -136,21 +137,25 @@ def test_tags_that_are_not_there_are_refused():
         tag_picture(587)
 
 
+@pytest.mark.parametrize("blur", [0.0, 0.5])
 @pytest.mark.parametrize("smear", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("upright", [True, False])
-def test_an_edge_along_the_lines_of_the_image_is_where_it_is(upright, smear):
+def test_an_edge_along_the_lines_of_the_image_is_where_it_is(upright, smear, blur):
     """A board that faces the camera, dark on one side and light on the other, moving across the edge: the light on the
     pixels says where the edge is, wherever between two pixels that is."""
     camera = Camera((100.0, 100.0), (31.5, 23.5), size=(64, 48))
     renderer = Renderer(MADE.stage, camera, Shutter(0.01, 0.0))
     across = np.array([1.0, 0.0, 0.0] if upright else [0.0, 1.0, 0.0])
-    within = (MAGIC - 5.0)[..., None] / MAGIC.size * np.ones(camera.size[1])
+    within = ((np.arange(FINE) - 1.0) / FINE)[:, None] * np.ones(camera.size[1])
     eye = Pose(np.broadcast_to(np.eye(3), (*within.shape, 3, 3)), np.zeros((*within.shape, 3)))
     facing = np.diag([1.0, -1.0, -1.0])
     for off in np.linspace(-0.5, 0.5, 7):
         place = (off + smear * within)[..., None] / 100.0 * across + [0.0, 0.0, 1.0]
         board = Board(Pose(facing, np.zeros(3)), (2.0, 2.0), np.array([[1.0, 0.0]] if upright else [[1.0], [0.0]]))
-        light = renderer.scene(eye, [(board, Pose(np.broadcast_to(np.eye(3), (*within.shape, 3, 3)), place))])
-        row = light[10:34, 8:56] if upright else light[8:40, 8:56].T
+        points = renderer.scene(eye, [(board, Pose(np.broadcast_to(np.eye(3), (*within.shape, 3, 3)), place))])
+        light = gathered(points, blur)
+        row = (light[10:34, 8:56] if upright else light[8:40, 8:56].T).mean(0)
         middle = camera.centre[0 if upright else 1] + off
-        assert row.mean(0).sum() + 7.5 == pytest.approx(middle, abs=0.05)  # a grid would be up to a sixth beside it
+        assert row.sum() + 7.5 == pytest.approx(middle, abs=1e-3)
+        slope = (row[:-2] - row[2:]) ** 2  # and so do its squared slopes, by which the library of tags finds edges
+        assert 9.0 + slope @ np.arange(len(slope)) / slope.sum() == pytest.approx(middle, abs=0.01 if blur else 0.17)

@@ -7,9 +7,9 @@ A pixel that holds the grey value I errs by sqrt(read^2 + shot I): electronics, 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
-from teamslam.geometry import AnyArray, Array
+from teamslam.geometry import AnyArray
+from teamslam.sim.film.lens import gathered
 
 FULL = 255.0
 
@@ -28,12 +28,12 @@ class Sensor:
     shot: float = 0.05
 
 
-def develop(light: Array, sensor: Sensor, t_s: float, rng: np.random.Generator) -> AnyArray:
-    """Grey values (h, w) of bytes from the light on each pixel."""
-    height, width = light.shape
-    image = gaussian_filter(light, sensor.blur_px, mode="nearest") if sensor.blur_px else light
+def develop(points: AnyArray, sensor: Sensor, t_s: float, rng: np.random.Generator) -> AnyArray:
+    """Grey values (h, w) of bytes from the light on each point (FINE h, FINE w), before the lens blurs it."""
+    image = gathered(points, sensor.blur_px)
+    height, width = image.shape
     y, x = np.ogrid[-1.0 : 1.0 : height * 1j, -1.0 : 1.0 : width * 1j]
     gain = sensor.brightness * (1.0 + sensor.breathing * np.sin(2.0 * np.pi * t_s / sensor.breath_s))
     grey = FULL * gain * image * (1.0 - 0.5 * sensor.vignetting * (x * x + y * y))
-    noise = np.sqrt(sensor.read**2 + sensor.shot * np.maximum(grey, 0.0)) * rng.normal(size=light.shape)
+    noise = np.sqrt(sensor.read**2 + sensor.shot * np.maximum(grey, 0.0)) * rng.normal(size=image.shape)
     return np.asarray(np.clip(np.round(grey + noise), 0.0, FULL), np.uint8)

@@ -1,9 +1,9 @@
 """When each point of each pixel is exposed.
 
-A pixel is the mean of 3 x 3 points in it, and its exposure that of 9 instants: each point has one of them, by the magic
-square, whose rows and columns all have the same mean. Which has which goes round from pixel to pixel (`render`), so
-that along an edge no point's place hangs together with its time, and a moving edge is smeared as its motion has it,
-about where it is in the middle of the exposure. A rolling shutter exposes one line after the other.
+A pixel has 3 x 3 points, and its exposure three thirds: each point stands for one third, by a square in which each line
+and each column has each third once, so that along an edge no point's place hangs together with its time, and a moving
+edge is smeared as its motion has it, about where it is in the middle of the exposure. A rolling shutter exposes one
+line after the other.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from teamslam.errors import InputError
 from teamslam.geometry import Array
 
 FINE = 3
-MAGIC = np.array([[2, 7, 6], [9, 5, 1], [4, 3, 8]])
+THIRDS = np.array([[0, 1, 2], [1, 2, 0], [2, 0, 1]])
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Shutter:
             raise InputError("exposure and line time are 0 or more [s]", field="shutter")
 
     def times(self, middle_s: float, lines: int) -> Array:
-        """When each point is exposed (3, 3, lines) [s], around the middle of the middle line's exposure."""
+        """The middle of each third of each line's exposure (3, lines) [s], around that of the middle line's."""
         of_line = (np.arange(lines) - 0.5 * (lines - 1)) * self.line_s
-        within = (MAGIC - 5.0) / MAGIC.size * self.exposure_s
-        return middle_s + within[..., None] + of_line
+        thirds = (np.arange(FINE) - 1.0) / FINE * self.exposure_s
+        return middle_s + thirds[:, None] + of_line
