@@ -39,6 +39,26 @@ def moved(track: Track, ticks: IntArray, over_s: Array, noise: WayNoise) -> Pose
     return Pose.from_tangent(over_s[..., None] * _velocities(track, noise).at(ticks)[:, None], 3)
 
 
+def unsure(track: Track, ticks: IntArray, noise: WayNoise) -> Array:
+    """By how much velocities that `moved` takes for motion err (m, 6) [m/s, rad/s], one sigma of each number by itself,
+    as the stated noise of odometry has it; 0 for what never moves, and where odometry is missing.
+
+    Law: the root of (drift^2 + slip^2 speed) / w of a mean over w seconds.
+    """
+    if len(track) < 2:
+        return np.zeros((len(ticks), 6))
+    velocities = _velocities(track, noise)
+    velocity, over = velocities.means(ticks)
+    moves = velocities.driven.any(0)
+    out = np.zeros((len(ticks), 6))
+    for n, (part, drift, slip) in enumerate(zip(PARTS, (noise.drift_m, noise.drift_rad), (noise.slip_m, noise.slip_rad),
+                                                strict=True)):  # fmt: skip
+        speed = np.linalg.norm(velocity[:, part], axis=1)
+        variance = (drift**2 + slip**2 * speed) / np.where(over[:, n] > 0.0, over[:, n], np.inf)
+        out[:, part] = np.sqrt(variance)[:, None] * moves[part]
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Velocities:
     """Of messages at rising `ticks` (n,): what was driven until each (n, 6) and in what time (n,) [s], jumps and gaps

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from teamslam.frontend.tags.late import Motion, at_one_instant
+from teamslam.frontend.tags.late import Motion, at_one_instant, erring
 from teamslam.frontend.tags.rows import LOOKING, SQUARE
 from teamslam.geometry import Pose, s2
 
@@ -30,7 +30,7 @@ def test_what_was_seen_late_is_turned_back():
     off = []
     for fast in (0.5, 0.125):
         seen, points, motion, at_once = scene(np.random.default_rng(1), fast)
-        found = at_one_instant(seen, points, NEAT, motion)
+        found, _ = at_one_instant(seen, points, NEAT, motion)
         shares = np.linalg.norm(found - at_once, axis=(1, 2)) / np.linalg.norm(seen - at_once, axis=(1, 2))
         assert np.median(shares) < 0.01
         off.append(np.median(shares))
@@ -40,7 +40,7 @@ def test_what_was_seen_late_is_turned_back():
 def test_what_was_seen_in_time_stays():
     seen, points, _, _ = scene(np.random.default_rng(2), 0.0)
     still = Pose.identity(3, seen.shape[:2])
-    np.testing.assert_allclose(at_one_instant(seen, points, NEAT, Motion(still, still)), seen, atol=1e-12)
+    np.testing.assert_allclose(at_one_instant(seen, points, NEAT, Motion(still, still))[0], seen, atol=1e-12)
 
 
 @pytest.mark.parametrize("mover", ["eye", "body"])
@@ -52,6 +52,23 @@ def test_noise_stays_as_it_is(mover):
     motion = Motion(motion.eye, still) if mover == "eye" else Motion(still, motion.body)
     noise = 1e-4 * rng.normal(size=(*seen.shape[:2], 2))
     noisy = s2.plus(seen.reshape(-1, 3), noise.reshape(-1, 2)).reshape(seen.shape)
-    one, other = (at_one_instant(rays, points, NEAT, motion) for rays in (seen, noisy))
+    one, other = (at_one_instant(rays, points, NEAT, motion)[0] for rays in (seen, noisy))
     length = np.linalg.norm(s2.minus(other, one), axis=-1) / np.linalg.norm(noise, axis=-1)
     assert 0.97 < np.median(length) < 1.03
+
+
+def test_what_motion_errs_by_is_what_it_does_to_directions():
+    """Small motions of the eye and of bodies that are not known of, each corner's as long as it was late."""
+    rng = np.random.default_rng(4)
+    _, points, _, at_once = scene(rng, 0.0)
+    still = Pose.identity(3, at_once.shape[:2])
+    _, there = at_one_instant(at_once, points, NEAT, Motion(still, still))
+    v = 1e-3 * rng.normal(size=(2, len(NEAT), 6))
+    moved = [Pose.from_tangent(LATE_S[:, None] * each[:, None], 3) for each in v]
+    seen = s2.of(moved[0].inverse().act((there[:, None] @ moved[1]).act(points)))
+    late = np.broadcast_to(LATE_S[:, None, None] * np.eye(6), (*at_once.shape[:2], 6, 6))
+    errs = (
+        erring(at_once, points, Motion(still, still, late, late), there) @ np.concatenate([v[0], v[1]], -1)[..., None]
+    )
+    off = -s2.minus(seen.reshape(-1, 3), at_once.reshape(-1, 3)).reshape(len(NEAT), 8)
+    np.testing.assert_allclose(errs[..., 0], off, atol=1e-3 * np.abs(off).max())

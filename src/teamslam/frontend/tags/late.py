@@ -7,13 +7,16 @@ Eye E sees corner c of body B at t + d, in direction u. What it would have seen 
 
 The motions are odometry's (`frontend.moments`). P is the pose that the corners tell, first as they were seen, then as
 they would have been: of it only the distance r counts for the eye's motion, so that the noise of u stays what it is.
+What odometry errs by moves all corners of a tag, each by how late it was seen:
+
+    du  =  w_E x u + v_E / r - R_P (w_B x c + v_B) / r       across u, with M_X (+) (v_X, w_X), each d times one velocity
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from teamslam.geometry import Array, Pose, s2
+from teamslam.geometry import Array, IntArray, Pose, s2, so3
 from teamslam.geometry.resection import nearest, resect
 
 ROUNDS = 3
@@ -21,16 +24,28 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How the eye and the bodies moved (m, k) from the instant of their keyframes until each of k points was seen."""
+    """How the eye and the bodies moved (m, k) from the instant of their keyframes until each of k points was seen; and
+    by how much these motions err (m, k, 6, 6), for a sigma of each of six numbers that are alike for all k, where that
+    is known."""
 
     eye: Pose
     body: Pose
+    eye_errs: Array | None = None
+    body_errs: Array | None = None
+
+    def of(self, rows: IntArray) -> "Motion":
+        """That of some of the m."""
+        errs = (None if each is None else each[rows] for each in (self.eye_errs, self.body_errs))
+        return Motion(self.eye[rows], self.body[rows], *errs)
 
 
-def at_one_instant(rays: Array, points: Array, whitening: Array, motion: Motion, standing: Pose | None = None) -> Array:
+def at_one_instant(
+    rays: Array, points: Array, whitening: Array, motion: Motion, standing: Pose | None = None
+) -> tuple[Array, Pose]:
     """The directions (m, 4, 3) in which corners would have been seen at the instant of the keyframe, from those in
     which they were seen; `points` (m, 4, 3) are the corners in the bodies' frames, `whitening` (m, 8, 8) that of the
-    directions. With `standing` (m,), how the bodies stood to the eye at the keyframe, nothing is looked for.
+    directions. With `standing` (m,), how the bodies stood to the eye at the keyframe, nothing is looked for. And how
+    they stood.
 
     Law: exact for directions without noise, up to the ROUNDS-th power of the motion, where these tell one pose.
     """
@@ -42,7 +57,20 @@ def at_one_instant(rays: Array, points: Array, whitening: Array, motion: Motion,
         distance = np.linalg.norm(there, axis=-1, keepdims=True)
         shift = (points - moved) @ np.swapaxes(pose.rotation, -1, -2)
         here = s2.of(motion.eye.act(distance * rays) + shift)
-    return here
+    return here, pose
+
+
+def erring(rays: Array, points: Array, motion: Motion, standing: Pose) -> Array:
+    """By how much directions at the keyframe's instant (m, 4, 3) err, in the axes of `s2` (m, 8, 12), for a sigma of
+    each of the numbers of `motion`, the eye's and the bodies'. Of standing bodies seen by a standing eye nothing."""
+    basis = np.swapaxes(s2.direction_basis(rays), -1, -2)
+    apart = points @ np.swapaxes(standing.rotation, -1, -2) + standing.translation[:, None]
+    near = 1.0 / np.linalg.norm(apart, axis=-1)[..., None, None]
+    zero = np.zeros((*rays.shape[:2], 6, 6))
+    eye, body = (zero if errs is None else errs for errs in (motion.eye_errs, motion.body_errs))
+    by_eye = near * eye[..., :3, :] - so3.hat(rays) @ eye[..., 3:, :]
+    by_body = near * (standing.rotation[:, None] @ (so3.hat(points) @ body[..., 3:, :] - body[..., :3, :]))
+    return np.asarray((basis @ np.concatenate([by_eye, by_body], -1)).reshape(len(rays), 8, 12))
 
 
 def points_at_one_instant(points: Array, motion: Motion, standing: Pose) -> Array:

@@ -4,18 +4,22 @@ The AprilTag library places an edge at some points along it, each the centre of 
 pixels, and fits a line. A corner is where two of these lines cross. So four lines err, each by itself, and corners err
 with them: those of one edge together across it, and none along an edge more than the other edge says.
 
-    points       n = min(L, max(16, L / 8)) of an edge of L pixels
+    points       n = min(L / 1.7, max(16, L / 8)) of an edge of L pixels: nearer to each other they err by the same pixels
     a point      errs by s w / SHARP where the edge has width w: a blurred edge's slopes are level within two pixels,
                  and their centre errs by the noise over the slope
     a line       through n points errs by 2 s / sqrt(n) at its ends, and there by -1/2 of it together:
                  the mean of n has variance s^2 / n, the turn about it 3 s^2 / n at the ends
+    looked at    a point is sought within a = 2 pixels of a line that was found before, roughly (FIRST at its ends): of
+    first        what that errs by a point keeps the share 2 a exp(-a^2 / w^2) / (sqrt(pi) w erf(a / w)), since what of
+                 a wide edge's slopes lies within these pixels lies about the line
     neighbours   slopes are spread by v^2 = w^2 + 1/3 (read over two pixels); where the tag's cells are only m pixels
-                 wide across the edge, those beside it move each end by CROWDED exp(-m^2 / (NEAR v^2))
+                 wide across the edge, those beside it move its line by CROWDED exp(-m^2 / (NEAR v^2)) at its ends, and
+                 by no more than MOST
     a corner     e with n1 . e = d1, n2 . e = d2, the lines' normals n and what they err by there
     all          + floor^2: what does not go away in a large tag, the calibration's own error
 
-s and the floor are stated, not fitted to a map. CROWDED and NEAR are those of films in the virtual lab (seeds 100 to
-107, 371 sightings), which no other figure uses.
+s and the floor are stated, not fitted to a map: s is what a camera's noise of grey values makes of a point. FIRST,
+CROWDED, NEAR and MOST are those of 2,700 single tags before the camera of the virtual lab, which no other figure uses.
 """
 
 import numpy as np
@@ -24,8 +28,10 @@ from teamslam.frontend.tags.edges import SHARP
 from teamslam.geometry import Array
 
 POINTS, EVERY_PX = 16, 8.0  # on an edge, unless it is so long that one every so many pixels is more
+SHARED_PX = 1.7  # along an edge, of which points count for one: by a camera's noise, as long as it is alike in them
 CELLS = 8.0  # of a tag's side
-CROWDED, NEAR = 0.85, 3.3
+WITHIN, FIRST = 2.0, 0.13
+CROWDED, NEAR, MOST = 0.53, 3.5, 0.16
 FLATTEST = 0.05  # sine of the angle between two edges: with less they cross anywhere
 LINE = np.array([[1.0, -0.5], [-0.5, 1.0]])  # how the ends of a line err together
 
@@ -39,16 +45,25 @@ def corner_covariances(corners: Array, floor: float, edge: float, widths: Array 
     along = np.roll(corners, -1, 1) - corners
     length = np.maximum(np.linalg.norm(along, axis=-1), 1.0)
     wide = np.full(length.shape, SHARP) if widths is None else np.maximum(widths, SHARP)
-    points = np.minimum(length, np.maximum(POINTS, length / EVERY_PX))
+    points = np.minimum(length / SHARED_PX, np.maximum(POINTS, length / EVERY_PX))
     line = (2.0 * edge * wide / SHARP) ** 2 / points
     cells = _cells(corners, along, length)
-    crowded = (CROWDED * np.exp(-(cells**2) / (NEAR * (wide**2 + 1.0 / 3.0)))) ** 2 * (edge > 0.0)
-    lines = line[..., None, None] * LINE + crowded[..., None, None] * np.eye(2)  # (m, 4, 2, 2)
+    crowded = np.minimum(CROWDED * np.exp(-(cells**2) / (NEAR * (wide**2 + 1.0 / 3.0))), MOST)
+    ends = line + (crowded**2 + (FIRST * _kept(wide)) ** 2) * (edge > 0.0)
+    lines = ends[..., None, None] * LINE  # (m, 4, 2, 2)
     J = by_lines(along / length[..., None])
     covariance = np.einsum("mikr,mkrs,mjks->mij", J, lines, J)
     if widths is None:
         covariance *= np.kron(np.eye(4), np.ones((2, 2)))
     return np.asarray(covariance + floor**2 * np.eye(8))
+
+
+def _kept(wide: Array) -> Array:
+    """Which share of what a line erred by at first stays with edges so wide (m, 4) [pixels]."""
+    from scipy.special import erf
+
+    u = WITHIN / wide
+    return np.asarray(2.0 * u * np.exp(-u * u) / (np.sqrt(np.pi) * erf(u)))
 
 
 def _cells(corners: Array, along: Array, length: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.camera import Camera
-from teamslam.frontend.tags.late import Motion, at_one_instant
+from teamslam.frontend.tags.late import Motion, at_one_instant, erring
 from teamslam.frontend.tags.noise import corner_covariances
 from teamslam.geometry import Array, BoolArray, Pose, s2
 
@@ -66,7 +66,18 @@ def corner_rows(
     places = np.array([tag.corners for tag in tags]).reshape(-1, 12)
     if motion is not None and usable.any():
         rows = np.flatnonzero(usable)
-        part = Motion(motion.eye[rows], motion.body[rows])
+        part = motion.of(rows)
         known = None if standing is None else standing[rows]
-        turned[rows] = at_one_instant(turned[rows], places[rows].reshape(-1, 4, 3), whitening[rows], part, known)
+        points = places[rows].reshape(-1, 4, 3)
+        turned[rows], stood = at_one_instant(turned[rows], points, whitening[rows], part, known)
+        whitening[rows] = _with(whitening[rows], erring(turned[rows], points, part, stood))
     return np.concatenate([turned.reshape(-1, 12), places], -1), whitening, usable
+
+
+def _with(whitening: Array, errors: Array) -> Array:
+    """The whitening (m, 8, 8) of rows that also err by some columns (m, 8, k), each of one sigma."""
+    white = whitening @ errors
+    if not white.any():
+        return whitening
+    root = np.linalg.cholesky(np.eye(white.shape[1]) + white @ np.swapaxes(white, -1, -2))
+    return np.asarray(np.linalg.solve(root, whitening))

@@ -13,7 +13,7 @@ from itertools import compress
 import numpy as np
 from msgspec import structs
 
-from teamslam.frontend.moments import moved
+from teamslam.frontend.moments import moved, unsure
 from teamslam.frontend.stamps import keyframe_of
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.depth import planes, points_on
@@ -93,8 +93,7 @@ class Part:
         standing = standing_in((corners[0][rows], corners[1][rows]), plane[rows] @ R, tags)
         motion = _motion(view, np.where(view.depths.count > 0, view.late_s(view.depths.pixels), 0.0), self, team)
         if motion is not None:
-            part = Motion(motion.eye[rows], motion.body[rows])
-            points = points_at_one_instant(points @ R, part, standing) @ R.T
+            points = points_at_one_instant(points @ R, motion.of(rows), standing) @ R.T
         plane, covariance, held = planes(seen, points, count, view.entry.depth_floor)
         values, white, kept = plane_rows(standing, (plane @ R, R.T @ covariance @ R), tags)
         all_ = np.zeros((len(good), 12)), np.zeros((len(good), 6, 6))
@@ -226,14 +225,15 @@ def _motion(view: View, line_late_s: Array, part: Part, team: Sequence[Seen]) ->
     if not late.any() and not any(times[carriers == other].any() for other, times in moving.items()):
         return None
     body = Pose.identity(3, late.shape)
-    rotation, translation = body.rotation.copy(), body.translation.copy()
+    rotation, translation, errs = body.rotation.copy(), body.translation.copy(), np.zeros((*late.shape, 6, 6))
     for other, times in moving.items():
         rows = carriers == other
-        way = _moved(team[other - 1], targets[rows], times[rows])
+        way, errs[rows] = _moved(team[other - 1], targets[rows], times[rows])
         rotation[rows], translation[rows] = way.rotation, way.translation
     sensor = view.entry.pose @ LOOKING
-    eye = sensor.inverse() @ _moved(team[number - 1], observers, late) @ sensor
-    return Motion(eye, Pose(rotation, translation))
+    mine, mine_errs = _moved(team[number - 1], observers, late)
+    eye = sensor.inverse() @ mine @ sensor
+    return Motion(eye, Pose(rotation, translation), sensor.inverse().adjoint() @ mine_errs, errs)
 
 
 def _late(after: IntArray, line_late_s: Array, mover: Seen) -> Array:
@@ -243,8 +243,10 @@ def _late(after: IntArray, line_late_s: Array, mover: Seen) -> Array:
     return np.zeros_like(seen) if mover.track is None else np.asarray(seen)
 
 
-def _moved(mover: Seen, ticks: IntArray, over_s: Array) -> Pose:
-    """How a robot moved; not at all without odometry."""
+def _moved(mover: Seen, ticks: IntArray, over_s: Array) -> tuple[Pose, Array]:
+    """How a robot moved (m, k), and by how much that errs (m, k, 6, 6), as `Motion` has it; not at all without
+    odometry."""
     if mover.track is None:
-        return Pose.identity(3, over_s.shape)
-    return moved(mover.track, ticks, over_s, mover.entry.motion)
+        return Pose.identity(3, over_s.shape), np.zeros((*over_s.shape, 6, 6))
+    errs = over_s[..., None, None] * (unsure(mover.track, ticks, mover.entry.motion)[:, None, :, None] * np.eye(6))
+    return moved(mover.track, ticks, over_s, mover.entry.motion), errs
