@@ -49,7 +49,7 @@ def unsure(track: Track, ticks: IntArray, noise: WayNoise) -> Array:
         return np.zeros((len(ticks), 6))
     velocities = _velocities(track, noise)
     velocity, over = velocities.means(ticks)
-    moves = velocities.driven.any(0)
+    moves: BoolArray = np.asarray(velocities.driven.any(0))
     out = np.zeros((len(ticks), 6))
     for n, (part, drift, slip) in enumerate(zip(PARTS, (noise.drift_m, noise.drift_rad), (noise.slip_m, noise.slip_rad),
                                                 strict=True)):  # fmt: skip

@@ -9,7 +9,7 @@ The motions are odometry's (`frontend.moments`). P is the pose that the corners 
 they would have been: of it only the distance r counts for the eye's motion, so that the noise of u stays what it is.
 What odometry errs by moves all corners of a tag, each by how late it was seen:
 
-    du  =  w_E x u + v_E / r - R_P (w_B x c + v_B) / r       across u, with M_X (+) (v_X, w_X), each d times one velocity
+    du  =  w_E x u + v_E / r - R_P (w_B x c + v_B) / r     across u, with M_X (+) (v_X, w_X), each d times one velocity
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ The AprilTag library places an edge at some points along it, each the centre of 
 pixels, and fits a line. A corner is where two of these lines cross. So four lines err, each by itself, and corners err
 with them: those of one edge together across it, and none along an edge more than the other edge says.
 
-    points       n = min(L / 1.7, max(16, L / 8)) of an edge of L pixels: nearer to each other they err by the same pixels
+    points       n = min(L / 1.7, max(16, L / 8)) of an edge of L pixels: nearer ones err by the same pixels
     a point      errs by s w / SHARP where the edge has width w: a blurred edge's slopes are level within two pixels,
                  and their centre errs by the noise over the slope
     a line       through n points errs by 2 s / sqrt(n) at its ends, and there by -1/2 of it together:

@@ -184,7 +184,7 @@ def _swept(there: Pose, a: AnyArray, b: AnyArray) -> tuple[AnyArray, AnyArray]:
     """The width and the height (h, w) [m] of the patch of a board that each point of a pixel sees: what its ray sweeps
     in the plane over a third of a pixel both ways and over a third of the exposure; `there` is (3, h)."""
     middle = a[MIDDLE, MIDDLE], b[MIDDLE, MIDDLE]
-    x, y, s, _ = _met(there[MIDDLE], *middle)
+    s = _met(there[MIDDLE], *middle)[2]
     _, d = _directions(there[MIDDLE], *middle)
     steep = np.where(d[2] < -1e-9, d[2], np.float32(-1.0))
     first, last = _met(there[0], *middle), _met(there[-1], *middle)
