@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from teamslam.cli.film import team_of
+from teamslam.cli.film import EDGE_PX, team_of
 from teamslam.frontend.streams import TICKS_PER_S, TagCorners
 from teamslam.frontend.tags.depth import TagDepths, depths_on
 from teamslam.frontend.tags.noise import corner_covariances
@@ -80,7 +80,7 @@ def _corners(made, robot, planted, rng, noise):
             pixels = _seen(made, robot, t, number, size, place, lens, planted)
             if pixels is None:
                 continue
-            root = np.linalg.cholesky(corner_covariances(pixels[None], 0.02, 0.073)[0])  # as the film's team file says
+            root = np.linalg.cholesky(corner_covariances(pixels[None], 0.0, EDGE_PX)[0])  # as the film's team file says
             frame.append(len(frames) - 1)
             ids.append(number)
             corners.append(pixels + noise * (root @ rng.normal(size=8)).reshape(4, 2))
