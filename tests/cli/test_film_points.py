@@ -6,7 +6,7 @@ from scipy.special import ndtr
 
 from teamslam.cli.film import EDGE_PX
 from teamslam.frontend.tags.edges import NARROWEST, SHARP
-from teamslam.frontend.tags.noise import FIRST, SHARED_PX, WITHIN, corner_covariances
+from teamslam.frontend.tags.noise import FIRST, SHARED_PX, STEPS, WHOLE, WITHIN, corner_covariances
 from teamslam.sim.film.boards import BLACK, WHITE
 from teamslam.sim.film.develop import FULL, Sensor
 
@@ -70,9 +70,12 @@ def test_points_side_by_side_err_alike():
 
 
 def test_wide_edges_keep_what_the_first_look_erred_by():
-    corners = np.array([[[0.0, 0.0], [200.0, 0.0], [200.0, 200.0], [0.0, 200.0]]])
+    square = 200.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    turned = square @ np.array([[np.cos(0.05), np.sin(0.05)], [-np.sin(0.05), np.cos(0.05)]])
+    firsts = WHOLE, np.hypot(FIRST, STEPS / (200.0 * np.sin(0.05)))
     for blur in (0.5, 1.2, 2.5):
         kept = [(point(edge(0.1, a, blur), a, 0.4) - point(edge(0.1, a, blur), a, 0.1)) / 0.3 for a in (0.2, 0.9, 1.4)]
         width = np.full((1, 4), np.hypot(blur, NARROWEST))
-        more = corner_covariances(corners, 0.0, 1e-9, width)[0]
-        assert abs(np.sqrt(more.diagonal().mean()) - FIRST * np.mean(kept)) < 0.06 * FIRST
+        for corners, first in zip((square, turned), firsts, strict=True):
+            more = corner_covariances(corners[None], 0.0, 1e-9, width)[0]
+            assert abs(np.sqrt(more.diagonal().mean()) / first - np.mean(kept)) < 0.06

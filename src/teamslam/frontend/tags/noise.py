@@ -9,9 +9,12 @@ with them: those of one edge together across it, and none along an edge more tha
                  and their centre errs by the noise over the slope
     a line       through n points errs by 2 s / sqrt(n) at its ends, and there by -1/2 of it together:
                  the mean of n has variance s^2 / n, the turn about it 3 s^2 / n at the ends
-    looked at    a point is sought within a = 2 pixels of a line that was found before, roughly (FIRST at its ends): of
-    first        what that errs by a point keeps the share 2 a exp(-a^2 / w^2) / (sqrt(pi) w erf(a / w)), since what of
-                 a wide edge's slopes lies within these pixels lies about the line
+    first look   a point is sought within a = 2 pixels of a line that was found before, through whole pixels: of what
+                 that errs by a point keeps the share 2 a exp(-a^2 / w^2) / (sqrt(pi) w erf(a / w)), since what of a
+                 wide edge's slopes lies within these pixels lies about the line. At its ends it errs by 1/sqrt(12) of a
+                 pixel where the edge runs along pixels, and by (FIRST^2 + (STEPS / N)^2)^1/2 where it crosses N of them
+    pixels       an edge in focus that runs along pixels is read up to PHASE beside itself, by where between two of them
+                 it lies; what is wider has exp(-2 pi^2 (w^2 - SHARP^2)) of it, what crosses N of them 1/N
     neighbours   slopes are spread by v^2 = w^2 + 1/3 (read over two pixels); where the tag's cells are only m pixels
                  wide across the edge, those beside it move its line by CROWDED exp(-m^2 / (NEAR v^2)) at its ends, and
                  by no more than MOST
@@ -19,7 +22,8 @@ with them: those of one edge together across it, and none along an edge more tha
     all          + floor^2: what does not go away in a large tag, the calibration's own error
 
 s and the floor are stated, not fitted to a map: s is what a camera's noise of grey values makes of a point. FIRST,
-CROWDED, NEAR and MOST are those of 2,700 single tags before the camera of the virtual lab, which no other figure uses.
+STEPS, PHASE, CROWDED, NEAR and MOST are those of 3,100 single tags before the camera of the virtual lab, of which no other
+figure is made.
 """
 
 import numpy as np
@@ -30,7 +34,9 @@ from teamslam.geometry import Array
 POINTS, EVERY_PX = 16, 8.0  # on an edge, unless it is so long that one every so many pixels is more
 SHARED_PX = 1.7  # along an edge, of which points count for one: by a camera's noise, as long as it is alike in them
 CELLS = 8.0  # of a tag's side
-WITHIN, FIRST = 2.0, 0.13
+WITHIN, WHOLE = 2.0, 12.0**-0.5  # pixels to each side; and the deviation of what is rounded to whole pixels
+FIRST, STEPS = 0.08, 0.17
+PHASE = 0.01
 CROWDED, NEAR, MOST = 0.53, 3.5, 0.16
 FLATTEST = 0.05  # sine of the angle between two edges: with less they cross anywhere
 LINE = np.array([[1.0, -0.5], [-0.5, 1.0]])  # how the ends of a line err together
@@ -49,8 +55,9 @@ def corner_covariances(corners: Array, floor: float, edge: float, widths: Array 
     line = (2.0 * edge * wide / SHARP) ** 2 / points
     cells = _cells(corners, along, length)
     crowded = np.minimum(CROWDED * np.exp(-(cells**2) / (NEAR * (wide**2 + 1.0 / 3.0))), MOST)
-    ends = line + (crowded**2 + (FIRST * _kept(wide)) ** 2) * (edge > 0.0)
-    lines = ends[..., None, None] * LINE  # (m, 4, 2, 2)
+    ends = line + (crowded**2 + (_kept(wide) * _first(along)) ** 2) * (edge > 0.0)
+    beside = _between_pixels(along, wide) ** 2 * (edge > 0.0)
+    lines = ends[..., None, None] * LINE + beside[..., None, None]  # (m, 4, 2, 2)
     J = by_lines(along / length[..., None])
     covariance = np.einsum("mikr,mkrs,mjks->mij", J, lines, J)
     if widths is None:
@@ -64,6 +71,22 @@ def _kept(wide: Array) -> Array:
 
     u = WITHIN / wide
     return np.asarray(2.0 * u * np.exp(-u * u) / (np.sqrt(np.pi) * erf(u)))
+
+
+def _first(along: Array) -> Array:
+    """What lines through whole pixels err by at their ends (m, 4) [pixels], of edges along (m, 4, 2)."""
+    return np.minimum(WHOLE, np.hypot(FIRST, STEPS / _crossed(along)))
+
+
+def _between_pixels(along: Array, wide: Array) -> Array:
+    """By how much lines are beside themselves (m, 4) [pixels], by where between pixels they lie."""
+    fades = np.exp(-2.0 * np.pi**2 * np.minimum(wide**2 - SHARP**2, 9.0))
+    return np.asarray(PHASE * fades / np.maximum(_crossed(along), 1.0))
+
+
+def _crossed(along: Array) -> Array:
+    """How many lines or columns of pixels edges cross (m, 4)."""
+    return np.asarray(np.maximum(np.abs(along).min(-1), 1e-9))
 
 
 def _cells(corners: Array, along: Array, length: Array) -> Array:
