@@ -16,14 +16,14 @@ with them: those of one edge together across it, and none along an edge more tha
     pixels       an edge in focus that runs along pixels is read up to PHASE beside itself, by where between two of them
                  it lies; what is wider has exp(-2 pi^2 (w^2 - SHARP^2)) of it, what crosses N of them 1/N
     neighbours   slopes are spread by v^2 = w^2 + 1/3 (read over two pixels); where the tag's cells are only m pixels
-                 wide across the edge, those beside it move its line by w CROWDED exp(-m^2 / (NEAR v^2)) at its ends, and
-                 by no more than w MOST
+                 wide across the edge, those beside it move its line by w CROWDED exp(-m^2 / (NEAR v^2)) at its ends,
+                 and by no more than w MOST
     a corner     e with n1 . e = d1, n2 . e = d2, the lines' normals n and what they err by there
     all          + floor^2: what does not go away in a large tag, the calibration's own error
 
 s and the floor are stated, not fitted to a map: s is what a camera's noise of grey values makes of a point. FIRST,
-STEPS, PHASE, CROWDED, NEAR and MOST are those of 3,100 single tags before the camera of the virtual lab, of which no other
-figure is made.
+STEPS, PHASE, CROWDED, NEAR and MOST are those of 3,100 single tags before the camera of the virtual lab, of which no
+other figure is made.
 """
 
 import numpy as np
