@@ -13,13 +13,16 @@ import numpy as np
 from teamslam.errors import InputError, MissingExtraError
 from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.acute import unturned
+from teamslam.frontend.tags.beside import undrawn
 from teamslam.frontend.tags.edges import edge_widths
 from teamslam.geometry import AnyArray, Array, IntArray
 
-FAMILIES = (
-    "tag36h11", "tag36h10", "tag25h9", "tag16h5", "tagCircle21h7", "tagCircle49h12", "tagStandard41h12",
-    "tagStandard52h13", "tagCustom48h12",
-)  # fmt: skip
+SIDES = {
+    "tag36h11": 8, "tag36h10": 8, "tag25h9": 7, "tag16h5": 6, "tagCircle21h7": 5, "tagCircle49h12": 5,
+    "tagStandard41h12": 5, "tagStandard52h13": 6, "tagCustom48h12": 6,
+}  # fmt: skip
+"""The families that the library has, and how many cells there are between the corners of their tags."""
+FAMILIES = tuple(SIDES)
 HALF_PIXEL = 0.5
 MENDED = 1  # bits that the library may mend: with 2, families of many tags take gigabytes, and misreads abound
 
@@ -73,9 +76,10 @@ class Detector:
         tags.sort(key=lambda found: (found[0], found[1]["id"], *found[1]["center"].tolist()))
         corners = np.array([tag["lb-rb-rt-lt"] for _, tag in tags], float).reshape(-1, 4, 2) - HALF_PIXEL
         widths = edge_widths(image, corners)
+        sides = np.array([SIDES[name] for name, _ in tags], np.int64)
         return Found(
             np.array([tag["id"] for _, tag in tags], np.int64),
-            unturned(corners, widths, self._reach),
+            undrawn(image, unturned(corners, widths, self._reach), widths, sides, self._reach),
             np.array([tag["hamming"] for _, tag in tags], np.int64),
             tuple(name for name, _ in tags),
             widths,

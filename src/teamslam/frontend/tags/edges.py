@@ -36,10 +36,10 @@ SHARP = 0.8  # the width of an edge in focus [pixels]: NARROWEST, and 0.5 of a g
 BORDER = 6.0  # pixels beyond an edge that must be in the image: twice as far as it is looked for from where it seems
 CUT = 1000.0  # the width of an edge that says nothing [pixels]
 CELLS = 8.0  # of a tag's side, in families that have most
-CLEAR = 4.0  # widths of an edge in a cell: with less, what is beyond it is seen across it
+CLEAR = 3.0  # widths of an edge in a cell: with less, what is beyond it is seen across it
 NEAR = 0.6  # of a cell: as far to each side as frame and margin are looked at
 FAINTEST = 20.0  # grey values between black and white, 5 sigmas of a poor sensor: with less, profiles say nothing
-OFF, SIGMAS, FAINT = 0.5, 5.0, 0.5
+OFF, SIGMAS, FAINT = 0.25, 5.0, 0.5
 NARROWEST = 3.0**-0.5  # what pixels, reading between them, and differences over one make of a perfect edge
 
 PLACES = np.linspace(0.15, 0.85, ACROSS)  # of profiles along an edge
@@ -65,7 +65,7 @@ def edge_widths(image: AnyArray, corners: Array) -> Array:
     s = np.linspace(-1.0, 1.0, SAMPLES) * reach[:, None]  # (m, SAMPLES)
     feet = corners[:, :, None] + PLACES[:, None] * along[:, :, None]  # (m, 4, ACROSS, 2)
     points = feet[:, :, :, None] + s[:, None, None, :, None] * normal[:, :, None, None]
-    profiles = _grey(image, points)  # (m, 4, ACROSS, SAMPLES)
+    profiles = grey_at(image, points)  # (m, 4, ACROSS, SAMPLES)
     profile = profiles.mean(2)
     slope = np.abs(profile[..., 2:] - profile[..., :-2]).max(-1) / (s[:, 2] - s[:, 0])[:, None]
     rise = profile.max(-1) - profile.min(-1)
@@ -77,13 +77,18 @@ def edge_widths(image: AnyArray, corners: Array) -> Array:
 
 
 def cell_widths(corners: Array) -> Array:
-    """How wide a cell of tags with corners (m, 4, 2) is across each edge (m, 4) [pixels]; in families of fewer cells it
-    is wider."""
+    """How wide a cell of tags with corners (m, 4, 2) is across each edge (m, 4) [pixels], at that edge; in families of
+    fewer cells it is wider.
+
+    Law: of a tag that leans, whose edges are Z1 and Z2 away, the cells at the first are Z2 / Z1 times as wide as in
+    the mean, and its edges are in the same ratio.
+    """
     following = corners[:, [1, 2, 3, 0]]
     along = following - corners
     to = corners[:, [2, 3, 0, 1]] + corners[:, [3, 0, 1, 2]] - corners - following
     across = np.abs(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
-    return np.asarray(0.5 / CELLS * across / np.maximum(np.linalg.norm(along, axis=-1), 1e-9))
+    opposite = np.linalg.norm(along[:, [2, 3, 0, 1]], axis=-1)
+    return np.asarray(0.5 / CELLS * across / np.maximum(opposite, 1e-9))
 
 
 def _covered(profiles: Array, s: Array, widths: Array, cells: Array) -> BoolArray:
@@ -139,7 +144,7 @@ def _at_border(image: AnyArray, corners: Array, normal: Array) -> BoolArray:
     return np.asarray(((beyond < 0.0) | (beyond > [width - 1.0, height - 1.0])).any((-1, -2)))
 
 
-def _grey(image: AnyArray, points: Array) -> Array:
+def grey_at(image: AnyArray, points: Array) -> Array:
     """The image at points (..., 2), between its pixels in proportion; beyond its border as at the border."""
     height, width = image.shape
     x = np.clip(points[..., 0], 0.0, width - 1.0)

@@ -17,27 +17,27 @@ with them: those of one edge together across it, and none along an edge more tha
                  it lies; what is wider has exp(-2 pi^2 (w^2 - SHARP^2)) of it, what crosses N of them 1/N
     neighbours   slopes are spread by v^2 = w^2 + 1/3 (read over two pixels); where the tag's cells are only m pixels
                  wide across the edge, those beside it move its line by w CROWDED exp(-m^2 / (NEAR v^2)) at its ends,
-                 and by no more than w MOST
+                 and by no more than w MOST; LEFT and LEFT_NEAR are what `beside` leaves of that where it has been
     a corner     e with n1 . e = d1, n2 . e = d2, the lines' normals n and what they err by there
     all          + floor^2: what does not go away in a large tag, the calibration's own error
 
 s and the floor are stated, not fitted to a map: s is what a camera's noise of grey values makes of a point. FIRST,
-STEPS, PHASE, CROWDED, NEAR and MOST are those of 3,100 single tags before the camera of the virtual lab, of which no
+STEPS, PHASE and what neighbours do are those of 4,100 single tags before the camera of the virtual lab, of which no
 other figure is made.
 """
 
 import numpy as np
 
-from teamslam.frontend.tags.edges import SHARP
+from teamslam.frontend.tags.edges import SHARP, cell_widths
 from teamslam.geometry import Array
 
 POINTS, EVERY_PX = 16, 8.0  # on an edge, unless it is so long that one every so many pixels is more
 SHARED_PX = 1.7  # along an edge, of which points count for one: by a camera's noise, as long as it is alike in them
-CELLS = 8.0  # of a tag's side
 WITHIN, WHOLE = 2.0, 12.0**-0.5  # pixels to each side; and the deviation of what is rounded to whole pixels
 FIRST, STEPS = 0.08, 0.17
 PHASE = 0.01
 CROWDED, NEAR, MOST = 0.84, 3.3, 0.2
+LEFT, LEFT_NEAR = 0.4, 3.7
 FLATTEST = 0.05  # sine of the angle between two edges: with less they cross anywhere
 LINE = np.array([[1.0, -0.5], [-0.5, 1.0]])  # how the ends of a line err together
 
@@ -53,8 +53,9 @@ def corner_covariances(corners: Array, floor: float, edge: float, widths: Array 
     wide = np.full(length.shape, SHARP) if widths is None else np.maximum(widths, SHARP)
     points = np.minimum(length / SHARED_PX, np.maximum(POINTS, length / EVERY_PX))
     line = (2.0 * edge * wide / SHARP) ** 2 / points
-    cells = _cells(corners, along, length)
-    crowded = wide * np.minimum(CROWDED * np.exp(-(cells**2) / (NEAR * (wide**2 + 1.0 / 3.0))), MOST)
+    cells = cell_widths(corners)
+    most, near = (CROWDED, NEAR) if widths is None else (LEFT, LEFT_NEAR)
+    crowded = wide * np.minimum(most * np.exp(-(cells**2) / (near * (wide**2 + 1.0 / 3.0))), MOST)
     ends = line + (crowded**2 + (_kept(wide) * _first(along)) ** 2) * (edge > 0.0)
     beside = _between_pixels(along, wide) ** 2 * (edge > 0.0)
     lines = ends[..., None, None] * LINE + beside[..., None, None]  # (m, 4, 2, 2)
@@ -87,13 +88,6 @@ def _between_pixels(along: Array, wide: Array) -> Array:
 def _crossed(along: Array) -> Array:
     """How many lines or columns of pixels edges cross (m, 4)."""
     return np.asarray(np.maximum(np.abs(along).min(-1), 1e-9))
-
-
-def _cells(corners: Array, along: Array, length: Array) -> Array:
-    """How wide a cell of the tag is across each edge (m, 4) [pixels]."""
-    middle = 0.5 * (corners + np.roll(corners, -1, 1))
-    to = np.roll(middle, -2, 1) - middle
-    return np.asarray(np.abs(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]) / length / CELLS)
 
 
 def by_lines(t: Array) -> Array:
