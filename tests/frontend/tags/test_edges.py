@@ -105,9 +105,9 @@ def test_families_with_a_white_frame_in_a_black_one_are_alike():
 
 
 def test_where_cells_are_too_small_nothing_is_told():
-    """Four widths of an edge: with less, what is beyond the margin is seen through it."""
+    """Three widths of an edge: with less, what is beyond the margin is seen through it."""
     small = square((30.2, 30.4), 22, 0.1)
-    image = picture({3: small}, (60, 60), blur=0.8)
+    image = picture({3: small}, (60, 60), blur=1.3)
     image[36:46, 26:32] = 120
     assert not (edge_widths(image, small[None]) == CUT).any()
 
