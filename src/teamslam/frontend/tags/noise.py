@@ -76,7 +76,7 @@ def _kept(wide: Array) -> Array:
 
 def _first(along: Array) -> Array:
     """What lines through whole pixels err by at their ends (m, 4) [pixels], of edges along (m, 4, 2)."""
-    return np.minimum(WHOLE, np.hypot(FIRST, STEPS / _crossed(along)))
+    return np.asarray(np.minimum(WHOLE, np.hypot(FIRST, STEPS / _crossed(along))))
 
 
 def _between_pixels(along: Array, wide: Array) -> Array:
