@@ -111,8 +111,8 @@ def test_a_team_file_keeps_what_is_known_of_tags(tmp_path):
         ("[[truth]]\nnumber = 1\nsigma = { xyz_m = 0.01 }", "truth", "sigma"),
         (
             "[[robot.camera]]\nname = 'a'\ntags = '/t'\ncalibration = 'c.yaml'\ncentre_px = [nan, 0.0]",
-            "robot.camera.centre_px",
-            "finite",
+            "robot[0].camera[0].centre_px[0]",
+            "found nan",
         ),
     ],
 )

@@ -39,7 +39,7 @@ CELLS = 8.0  # of a tag's side, in families that have most
 CLEAR = 3.0  # widths of an edge in a cell: with less, what is beyond it is seen across it
 NEAR = 0.6  # of a cell: as far to each side as frame and margin are looked at
 FAINTEST = 20.0  # grey values between black and white, 5 sigmas of a poor sensor: with less, profiles say nothing
-OFF, SIGMAS, FAINT = 0.25, 5.0, 0.5
+OFF, SIGMAS, FAINT = 0.3, 5.0, 0.5
 NARROWEST = 3.0**-0.5  # what pixels, reading between them, and differences over one make of a perfect edge
 
 PLACES = np.linspace(0.15, 0.85, ACROSS)  # of profiles along an edge
