@@ -71,9 +71,10 @@ NEES/dof of full least squares by film: {nees}; their mean is {mean:.2f} and
 their standard deviation {spread:.2f}, where chance alone has {chance:.2f}. Below its band covariances are larger than
 they need to be, above it smaller. By the loss that a film's team file states a sighting that errs as its noise says
 keeps 0.95 of its weight in the mean, and covariances are larger by as much. What the noise of corners is known to leave
-out: of small tags that motion smears, cells beside an edge draw it by more than is taken out, the same way in all images
-that are alike; and all tags of an image err together by what odometry errs by while its lines are read. Maps by corners are as stated; those by poses
-are calibrated, as runs are by default. Clocks are taken as stated, but where it says otherwise.
+out: of small tags that motion smears, cells beside an edge draw it by more than is taken out, the same way in images
+that are alike; and all tags of an image err together by what odometry errs by while its lines are read. Maps by corners
+are as stated; those by poses are calibrated, as runs are by default. Clocks are taken as stated, but where it says
+otherwise.
 
 ## What each ingredient is worth
 

@@ -15,13 +15,12 @@ It follows from what the image shows one cell farther on each side, without a nu
 
 import numpy as np
 
-from teamslam.frontend.tags.edges import CELLS, CUT, FLATTEST, NARROWEST, cell_widths, grey_at
-from teamslam.frontend.tags.noise import POINTS, by_lines
+from teamslam.frontend.tags.edges import CELLS, CUT, FLATTEST, NARROWEST, SHARP, cell_widths, grey_at
+from teamslam.frontend.tags.noise import POINTS, TOLD, by_lines
 from teamslam.geometry import AnyArray, Array, IntArray
 
 STEP = 0.25  # pixels between places of a slope
 ONWARD = 1.5  # cells from an edge to the middle of what is beside the frame, and beside the margin
-LEAST = 2.0  # widths of an edge in a cell: with less, what is seen of a cell is what is beside it
 BRIGHTEST = 1.5  # of the margin: what lies beyond it may be brighter
 
 
@@ -55,7 +54,7 @@ def _drawn(image: AnyArray, corners: Array, outwards: Array, widths: Array, cell
 
     black, white = (np.median(seen(far), -1, keepdims=True) for far in (-0.5, 0.5))
     contrast = white - black
-    told = (np.abs(contrast) > FLATTEST) & ((widths < CUT) & (cells > LEAST * widths))[..., None]
+    told = (np.abs(contrast) > FLATTEST) & ((widths < CUT) & (cells > TOLD * np.maximum(widths, SHARP)))[..., None]
     inside, outside = ((seen(far) - black) / np.where(told, contrast, 1.0) for far in (-ONWARD, ONWARD))
     centres = _centres(np.clip(inside, 0.0, 1.0), np.clip(outside, 0.0, BRIGHTEST), cells, widths, reach)
     x = 2.0 * places - 1.0

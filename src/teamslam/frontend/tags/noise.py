@@ -17,7 +17,8 @@ with them: those of one edge together across it, and none along an edge more tha
                  it lies; what is wider has exp(-2 pi^2 (w^2 - SHARP^2)) of it, what crosses N of them 1/N
     neighbours   slopes are spread by v^2 = w^2 + 1/3 (read over two pixels); where the tag's cells are only m pixels
                  wide across the edge, those beside it move its line by w CROWDED exp(-m^2 / (NEAR v^2)) at its ends,
-                 and by no more than w MOST; LEFT and LEFT_NEAR are what `beside` leaves of that where it has been
+                 and by no more than w MOST. Where a cell has TOLD widths `beside` takes most of that out, and LEFT and
+                 LEFT_NEAR are in their places
     a corner     e with n1 . e = d1, n2 . e = d2, the lines' normals n and what they err by there
     all          + floor^2: what does not go away in a large tag, the calibration's own error
 
@@ -36,8 +37,9 @@ SHARED_PX = 1.7  # along an edge, of which points count for one: by a camera's n
 WITHIN, WHOLE = 2.0, 12.0**-0.5  # pixels to each side; and the deviation of what is rounded to whole pixels
 FIRST, STEPS = 0.08, 0.17
 PHASE = 0.01
-CROWDED, NEAR, MOST = 0.84, 3.3, 0.2
+CROWDED, NEAR, MOST = 0.84, 3.3, 0.27
 LEFT, LEFT_NEAR = 0.4, 3.7
+TOLD = 2.5  # widths of an edge in a cell: with less, what is seen of a cell is what is beside it
 FLATTEST = 0.05  # sine of the angle between two edges: with less they cross anywhere
 LINE = np.array([[1.0, -0.5], [-0.5, 1.0]])  # how the ends of a line err together
 
@@ -54,7 +56,8 @@ def corner_covariances(corners: Array, floor: float, edge: float, widths: Array 
     points = np.minimum(length / SHARED_PX, np.maximum(POINTS, length / EVERY_PX))
     line = (2.0 * edge * wide / SHARP) ** 2 / points
     cells = cell_widths(corners)
-    most, near = (CROWDED, NEAR) if widths is None else (LEFT, LEFT_NEAR)
+    told = (cells > TOLD * wide) & (widths is not None)
+    most, near = np.where(told, LEFT, CROWDED), np.where(told, LEFT_NEAR, NEAR)
     crowded = wide * np.minimum(most * np.exp(-(cells**2) / (near * (wide**2 + 1.0 / 3.0))), MOST)
     ends = line + (crowded**2 + (_kept(wide) * _first(along)) ** 2) * (edge > 0.0)
     beside = _between_pixels(along, wide) ** 2 * (edge > 0.0)
