@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.frontend.interpolate import interpolate
+from teamslam.frontend.interpolate import on_a_smooth_way
 from teamslam.geometry import IntArray, Pose
 from teamslam.metrics.naming import as_called
 from teamslam.model import Kind, Names, Submap, Values, index_of, is_landmark, is_pose, pose_kind, robot_names, robot_of
@@ -44,6 +44,6 @@ def _at(map: Submap, robot: int, truth: Values, samples: IntArray, theirs: Names
     dim = 2 + int((kinds % 2).max())
     longest = 0 if map.names.counts else round(LONGEST_GAP_S / map.names.tick_s)
     way: Pose = truth.poses_of(samples, dim)
-    poses, good = interpolate(ticks, way, index_of(own), longest)
+    poses, good = on_a_smooth_way(ticks, way, index_of(own), longest)
     kind: Kind = pose_kind(dim)
     return Values.of({kind: (own[good], poses[np.flatnonzero(good)])})

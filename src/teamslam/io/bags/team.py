@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.frontend.interpolate import interpolate
+from teamslam.frontend.interpolate import on_a_smooth_way
 from teamslam.frontend.stamps import merge
 from teamslam.frontend.streams import TICKS_PER_S
 from teamslam.frontend.tags.identities import Place, places_of_tags
@@ -263,7 +263,7 @@ def _truth(team: Sequence[Seen], file: TeamFile, log: Dataset, stamps: Mapping[i
         ticks, first = np.unique(robot.truth.ticks, return_index=True)
         keys = log.pose_keys[number]
         at = stamps[number](index_of(keys)) if number in stamps else index_of(keys)
-        poses, known = interpolate(ticks, robot.truth.poses[first], at, round(TRUTH_GAP_S * TICKS_PER_S))
+        poses, known = on_a_smooth_way(ticks, robot.truth.poses[first], at, round(TRUTH_GAP_S * TICKS_PER_S))
         if robot.entry.dim == 2:
             poses = Pose.from_xytheta(poses.xytheta())
         found.setdefault(pose_kind(robot.entry.dim), []).append((keys[known], poses[np.flatnonzero(known)]))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from teamslam.errors import InputError
-from teamslam.frontend.interpolate import interpolate
+from teamslam.frontend.interpolate import on_a_smooth_way
 from teamslam.geometry import Array, IntArray, Pose, concatenate
 from teamslam.io.files.csv_file import Csv
 from teamslam.io.files.delimited import read_csv
@@ -78,7 +78,7 @@ def _robots(
             keys = dataset.pose_keys[robot]
             gap = round(team.truth_gap_s / team.tick_s)
             span = ticks[rows[[0, -1]]] * team.tick_s
-            samples, good = interpolate(ticks[rows], samples, index_of(keys), gap)
+            samples, good = on_a_smooth_way(ticks[rows], samples, index_of(keys), gap)
             if len(keys) and not good.any():
                 poses_s = dataset.names.stamps_s(keys[[0, -1]])
                 notes.append(
