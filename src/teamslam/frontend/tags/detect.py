@@ -14,7 +14,8 @@ from teamslam.errors import InputError, MissingExtraError
 from teamslam.frontend.streams import TagCorners
 from teamslam.frontend.tags.acute import unturned
 from teamslam.frontend.tags.beside import undrawn
-from teamslam.frontend.tags.edges import edge_widths
+from teamslam.frontend.tags.edges import CUT, edge_widths
+from teamslam.frontend.tags.inside import beside_their_cells
 from teamslam.geometry import AnyArray, Array, IntArray
 
 SIDES = {
@@ -77,9 +78,11 @@ class Detector:
         corners = np.array([tag["lb-rb-rt-lt"] for _, tag in tags], float).reshape(-1, 4, 2) - HALF_PIXEL
         widths = edge_widths(image, corners)
         sides = np.array([SIDES[name] for name, _ in tags], np.int64)
+        corners = undrawn(image, unturned(corners, widths, self._reach), widths, sides, self._reach)
+        widths = np.where(beside_their_cells(image, corners, sides), CUT, widths)
         return Found(
             np.array([tag["id"] for _, tag in tags], np.int64),
-            undrawn(image, unturned(corners, widths, self._reach), widths, sides, self._reach),
+            corners,
             np.array([tag["hamming"] for _, tag in tags], np.int64),
             tuple(name for name, _ in tags),
             widths,

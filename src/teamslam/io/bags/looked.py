@@ -28,7 +28,7 @@ from teamslam.io.files.whole import whole_file
 
 Progress = Callable[[str, int, int], None]
 PART = 64
-LAYOUT = "5"  # of the parts on the disk
+LAYOUT = "6"  # of the parts on the disk
 FIELDS = ("frames", "sizes", "frame", "ids", "corners", "hamming", "families", "widths", "lost")
 
 
