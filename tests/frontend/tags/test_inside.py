@@ -5,9 +5,10 @@ import pytest
 
 from tag_pictures import picture, square
 from teamslam.frontend.tags.detect import SIDES, Detector, Looking
-from teamslam.frontend.tags.edges import CUT
+from teamslam.frontend.tags.edges import CUT, SHARP
 from teamslam.frontend.tags.inside import beside_their_cells
 
+SHARP_ONES = np.full((1, 4), SHARP)
 FAMILIES = ("tag36h11", "tag25h9", "tag16h5")
 
 
@@ -48,11 +49,11 @@ def test_edges_with_their_cells_are_known(family, cell_px, turn):
     for seed in range(15):
         image, true = seen(family, cell_px, turn, seed)
         off = np.random.default_rng(seed).normal(0.0, 0.03, true.shape)
-        assert not beside_their_cells(image, (true + off)[None], np.array([SIDES[family]])).any()
+        assert not beside_their_cells(image, (true + off)[None], SHARP_ONES, np.array([SIDES[family]])).any()
 
 
 def test_what_shows_no_cells_says_nothing():
     corners = square((60.0, 60.0), 60.0)[None]
     flat = np.full((120, 120), 90, np.uint8)
-    assert not beside_their_cells(flat, corners, np.array([8])).any()
-    assert beside_their_cells(flat, corners[:0], np.zeros(0, np.int64)).shape == (0, 4)
+    assert not beside_their_cells(flat, corners, SHARP_ONES, np.array([8])).any()
+    assert beside_their_cells(flat, corners[:0], np.zeros((0, 4)), np.zeros(0, np.int64)).shape == (0, 4)

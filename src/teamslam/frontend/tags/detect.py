@@ -79,7 +79,7 @@ class Detector:
         widths = edge_widths(image, corners)
         sides = np.array([SIDES[name] for name, _ in tags], np.int64)
         corners = undrawn(image, unturned(corners, widths, self._reach), widths, sides, self._reach)
-        widths = np.where(beside_their_cells(image, corners, sides), CUT, widths)
+        widths = np.where(beside_their_cells(image, corners, widths, sides), CUT, widths)
         return Found(
             np.array([tag["id"] for _, tag in tags], np.int64),
             corners,

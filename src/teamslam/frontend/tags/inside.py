@@ -8,14 +8,15 @@ where the four edges say: where two cells side by side are black and white, the 
     between     where two differ: the centre of the squared slopes on the way from one middle to the next, (-) halfway;
                 so many pixels along the row or the column
     corners     what moves them bilinearly to fit these, by least squares; their covariance from what is left
-    an edge     is off where its middle moves across by more than OFF + SIGMAS of its deviation
+    an edge     is off where its middle moves across by more than OFF + SIGMAS of its deviation, and by
+                more of these than the other three: those beside it share its corners
 
 What is off by half a cell and more is told only at times: there the middles are those of other cells.
 """
 
 import numpy as np
 
-from teamslam.frontend.tags.edges import FAINTEST, grey_at
+from teamslam.frontend.tags.edges import CUT, FAINTEST, grey_at
 from teamslam.geometry import AnyArray, Array, BoolArray, IntArray
 
 STEPS = 17  # places between the middles of two cells
@@ -26,13 +27,14 @@ ODD = 4.0  # medians: what is farther off is no place between two cells (a shado
 UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
-def beside_their_cells(image: AnyArray, corners: Array, sides: IntArray) -> BoolArray:
-    """Which edges (m, 4) of tags with corners (m, 4, 2) [pixels], so many cells (m,) long, are not where the cells
-    inside say; those of which the cells say too little are as they should be."""
+def beside_their_cells(image: AnyArray, corners: Array, widths: Array, sides: IntArray) -> BoolArray:
+    """Which edges (m, 4), one of a tag at most, of tags with corners (m, 4, 2) [pixels], so many cells (m,) long, are
+    not where the cells inside say; those of which the cells say too little are as they should be. Tags of which an edge
+    is CUT by its `widths` (m, 4) are not looked at: their corners are somewhere."""
     off = np.zeros((len(corners), 4), bool)
     shortest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=-1).min(1, initial=np.inf)
     for n in np.unique(sides).tolist():
-        tags = np.flatnonzero((sides == n) & (shortest > LEAST * n))
+        tags = np.flatnonzero((sides == n) & (shortest > LEAST * n) & (widths < CUT).all(1))
         if len(tags):
             off[tags] = _off(image, corners[tags], n)
     return off
@@ -68,8 +70,9 @@ def _off(image: AnyArray, squares: Array, n: int) -> BoolArray:
         middle[:, k, [k, (k + 1) % 4]] = 0.5 * normal[:, k, None]
     across = middle.reshape(-1, 4, 8)
     off = np.abs((across @ moved[..., None])[..., 0])
-    spread = np.sqrt(np.einsum("mki,mij,mkj->mk", across, covariance, across))
-    return np.asarray((off > OFF + SIGMAS * spread) & (np.count_nonzero(differ, axis=1) >= FEWEST)[:, None])
+    spread = np.sqrt(np.einsum("mki,mij,mkj->mk", across, covariance, across)) + 1e-9
+    told = (np.count_nonzero(differ, axis=1) >= FEWEST)[:, None] & (off > OFF + SIGMAS * spread)
+    return np.asarray(told & (off / spread == (off / spread).max(1, keepdims=True)))
 
 
 def _ways(n: int) -> tuple[IntArray, IntArray]:
